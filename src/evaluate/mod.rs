@@ -1,0 +1,3 @@
+//! L4: from the document to what is derived from it, on the CPU or the GPU.
+
+pub mod export;

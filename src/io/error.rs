@@ -1,0 +1,29 @@
+use std::path::{Path, PathBuf};
+
+/// Why a file could not be read or written. The message is one plain sentence: which file, what is wrong, what would be right.
+#[derive(Debug, thiserror::Error)]
+pub enum IoError {
+    /// The file is at fault.
+    #[error("{}: {what}", path.display())]
+    Malformed { path: PathBuf, what: String },
+    /// The file may be sound, but Voxclay does not do this.
+    #[error("{}: {what}", path.display())]
+    Unsupported { path: PathBuf, what: String },
+    /// The system is at fault (missing file, permission, full disk).
+    #[error("{}: cannot {action}: {source}", path.display())]
+    System { path: PathBuf, action: &'static str, source: std::io::Error },
+}
+
+impl IoError {
+    pub fn malformed(path: &Path, what: impl Into<String>) -> Self {
+        Self::Malformed { path: path.to_owned(), what: what.into() }
+    }
+
+    pub fn unsupported(path: &Path, what: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.to_owned(), what: what.into() }
+    }
+
+    pub fn system(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        Self::System { path: path.to_owned(), action, source }
+    }
+}

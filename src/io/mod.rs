@@ -1,0 +1,18 @@
+//! L2: files. One file per format, the reader beside the writer.
+//!
+//! Sizes in headers are never trusted before allocation: they are checked against the bytes that are really there.
+//! Writes go to a temporary file beside the target, which is renamed when everything is written.
+
+mod atomic;
+mod error;
+
+pub mod metaimage;
+pub mod nifti;
+pub mod nrrd;
+pub mod obj;
+pub mod ply;
+pub mod raw;
+pub mod stl;
+
+pub use atomic::write_atomic;
+pub use error::IoError;

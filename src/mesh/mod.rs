@@ -1,0 +1,50 @@
+//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives.
+//!
+//! Connectivity never sees positions.
+
+pub mod check;
+pub mod primitives;
+pub mod proxy;
+mod topology;
+
+pub use topology::{EdgeId, Topology, TriangleId, VertexId};
+
+use glam::{DAffine3, DVec3};
+
+/// A triangle mesh. A clean solid is closed, and its triangles run anticlockwise seen from outside.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TriMesh {
+    pub positions: Vec<DVec3>,
+    /// Indices into `positions`, each below its length.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl TriMesh {
+    /// Lower and upper corner; `None` without vertices.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let first = *self.positions.first()?;
+        Some(self.positions.iter().fold((first, first), |(lo, hi), p| (lo.min(*p), hi.max(*p))))
+    }
+
+    /// Every vertex moved by `map`; triangles are turned round if the map mirrors.
+    pub fn transformed(&self, map: &DAffine3) -> Self {
+        let mut triangles = self.triangles.clone();
+        if map.matrix3.determinant() < 0.0 {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        Self { positions: self.positions.iter().map(|p| map.transform_point3(*p)).collect(), triangles }
+    }
+
+    /// Signed volume by the divergence theorem; negative if the mesh is inside-out, meaningless if it is open.
+    pub fn volume(&self) -> f64 {
+        let Some(&o) = self.positions.first() else { return 0.0 };
+        let p = |i: u32| self.positions[i as usize] - o;
+        self.triangles.iter().map(|t| p(t[0]).cross(p(t[1])).dot(p(t[2]))).sum::<f64>() / 6.0
+    }
+
+    /// Sum of the triangles' areas.
+    pub fn area(&self) -> f64 {
+        let p = |i: u32| self.positions[i as usize];
+        self.triangles.iter().map(|t| (p(t[1]) - p(t[0])).cross(p(t[2]) - p(t[0])).length()).sum::<f64>() / 2.0
+    }
+}

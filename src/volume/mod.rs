@@ -1,0 +1,12 @@
+//! L1: volumes: a grid with its affine frame, typed samples, and what is derived from them.
+
+mod grid;
+pub mod phantom;
+pub mod pyramid;
+mod samples;
+pub mod sampling;
+pub mod statistics;
+pub mod transfer;
+
+pub use grid::{Grid, GridError, Space};
+pub use samples::{Rescale, Samples, Scalar, ScalarType, Volume};
