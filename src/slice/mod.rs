@@ -141,9 +141,13 @@ impl Warning {
         let p: DVec3 = planes.frame.lift(self.at, planes.height(self.plane as usize));
         let contours = if self.count == 1 { "1 contour".into() } else { format!("{} contours", self.count) };
         let what = match self.defect {
-            Defect::Open => "the mesh has holes in its surface, so that contours are open; they were closed by straight lines",
+            Defect::Open => {
+                "the mesh has holes in its surface, so that contours are open; they were closed by straight lines"
+            }
             Defect::NotFinite => "the mesh has vertices that are not finite numbers; contours pass them by",
-            Defect::Orientation => "triangles of the mesh point the wrong way; contours were classified by what encloses them",
+            Defect::Orientation => {
+                "triangles of the mesh point the wrong way; contours were classified by what encloses them"
+            }
             Defect::Crossing => "the surface intersects itself; parts inside twice count twice",
         };
         format!("{what} ({contours}, first in plane {} near {:.6} {:.6} {:.6})", self.plane, p.x, p.y, p.z)

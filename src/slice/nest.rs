@@ -160,9 +160,7 @@ impl Slices {
 }
 
 fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
-    points
-        .iter()
-        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)))
+    points.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)))
 }
 
 /// Whether `inner` lies inside `outer`, by the first of its points that is not on the other loop.

@@ -75,10 +75,7 @@ fn walk_runs(runs: &mut [Run], points: &mut [DVec2], first: u32, index: &SlabInd
             let (left, right) = runs.split_at_mut(runs.len() / 2);
             let middle = index.first_point[right[0].planes.start];
             let (a, b) = points.split_at_mut((middle - first) as usize);
-            rayon::join(
-                || walk_runs(left, a, first, index, links),
-                || walk_runs(right, b, middle, index, links),
-            );
+            rayon::join(|| walk_runs(left, a, first, index, links), || walk_runs(right, b, middle, index, links));
         }
     }
 }
