@@ -2,7 +2,10 @@
 //!
 //! Connectivity never sees positions.
 
+mod bvh;
 pub mod check;
+mod exact;
+pub mod locate;
 pub mod primitives;
 pub mod proxy;
 mod topology;
