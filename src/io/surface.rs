@@ -171,7 +171,7 @@ fn triangulate(face: &[u32], positions: &[DVec3], out: &mut Vec<[u32; 3]>) -> bo
     // a polygon without extent has no ears to find; a fan keeps its connectivity
     let fan_works =
         (1..n - 1).all(|i| area(0, i, i + 1) >= 0.0) && (0..n).all(|i| area(i, (i + 1) % n, (i + 2) % n) >= 0.0);
-    if fan_works || !(normal.length() > 0.0) {
+    if fan_works || normal == DVec3::ZERO {
         out.extend((1..n - 1).map(|i| [face[0], face[i], face[i + 1]]));
         return true;
     }

@@ -6,6 +6,7 @@ mod bvh;
 pub mod check;
 mod exact;
 pub mod locate;
+mod nets;
 pub mod primitives;
 pub mod proxy;
 mod topology;
