@@ -13,6 +13,8 @@ pub mod obj;
 pub mod ply;
 pub mod raw;
 pub mod stl;
+mod surface;
 
 pub use atomic::write_atomic;
 pub use error::IoError;
+pub use surface::{is_surface_path, read_surface, read_surface_as_stored, write_surface};

@@ -2,12 +2,17 @@
 //!
 //! Connectivity never sees positions.
 
+mod bvh;
 pub mod check;
+mod exact;
+pub mod locate;
 pub mod primitives;
 pub mod proxy;
 mod topology;
 
 pub use topology::{EdgeId, Topology, TriangleId, VertexId};
+
+use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 
@@ -59,5 +64,22 @@ impl TriMesh {
         let first = self.positions.len() as u32;
         self.positions.extend_from_slice(&other.positions);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+
+    /// The same surface with each position only once: vertices at exactly equal places become one, in order of first
+    /// appearance. Triangles stay as many as they are, also where two of their corners have become one.
+    pub fn welded(&self) -> Self {
+        let mut ids = HashMap::with_capacity(self.positions.len());
+        let mut positions = Vec::new();
+        // adding zero makes -0 equal to 0
+        let new_id: Vec<u32> = (self.positions.iter())
+            .map(|p| {
+                *ids.entry((*p + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert_with(|| {
+                    positions.push(*p);
+                    positions.len() as u32 - 1
+                })
+            })
+            .collect();
+        Self { positions, triangles: self.triangles.iter().map(|t| t.map(|v| new_id[v as usize])).collect() }
     }
 }
