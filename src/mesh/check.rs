@@ -29,7 +29,7 @@ pub struct MeshReport {
     pub vertices: usize,
     /// As stored.
     pub triangles: usize,
-    /// Different positions.
+    /// Different positions that a triangle uses.
     pub welded_vertices: usize,
     /// Parts that are joined by common vertices.
     pub components: usize,
@@ -41,7 +41,7 @@ pub struct MeshReport {
     pub oriented: bool,
     /// Closed and oriented, but the volume is negative.
     pub inside_out: bool,
-    /// V - E + F: 2 for each closed part without handles, 2 less for each handle. V counts the vertices in use.
+    /// V - E + F: 2 for each closed part without handles, 2 less for each handle. V is `welded_vertices`.
     pub euler: i64,
     /// Edges with one triangle.
     pub boundary_edges: usize,
@@ -61,7 +61,7 @@ pub struct MeshReport {
     pub non_finite_vertices: usize,
     /// Triangles that meet one that is not their neighbour.
     pub self_intersections: usize,
-    /// Signed; of an open mesh it means little.
+    /// Signed; of an open mesh it means little, and is taken about the world's origin, as is the custom.
     pub volume: f64,
     pub area: f64,
     /// Lower and upper corner; `None` without vertices.
@@ -168,8 +168,9 @@ impl MeshReport {
         let first = fans.split.first().map(|&v| at(v));
         let non_manifold_vertices = note(DefectKind::NonManifoldVertex, fans.split.len(), first);
 
-        let (volume, area, bounds) = (mesh.volume(), mesh.area(), mesh.bounds());
+        let (area, bounds) = (mesh.area(), mesh.bounds());
         let closed = boundary_edges == 0 && non_manifold_edges == 0 && !welded.triangles.is_empty();
+        let volume = if closed { mesh.volume() } else { volume_about_origin(mesh) };
         let oriented = misoriented_edges == 0;
         let inside_out = closed && oriented && volume < 0.0;
         note(DefectKind::InsideOut, usize::from(inside_out), if inside_out { Some(middle(0)) } else { None });
@@ -187,7 +188,7 @@ impl MeshReport {
         Self {
             vertices: mesh.positions.len(),
             triangles: mesh.triangles.len(),
-            welded_vertices: welded.positions.len(),
+            welded_vertices: fans.used,
             components: components(welded.positions.len(), &welded.triangles),
             closed,
             manifold: non_manifold_edges == 0 && non_manifold_vertices == 0,
@@ -219,6 +220,11 @@ impl MeshReport {
     pub fn is_clean_solid(&self) -> bool {
         self.closed && self.defects.is_empty()
     }
+}
+
+fn volume_about_origin(mesh: &TriMesh) -> f64 {
+    let p = |i: u32| mesh.positions[i as usize];
+    mesh.triangles.iter().map(|t| p(t[0]).cross(p(t[1])).dot(p(t[2]))).sum::<f64>() / 6.0
 }
 
 /// Number of cases, and the first.

@@ -85,9 +85,6 @@ mod tests {
         assert!(side(t, p(5.0, 7.0, -1.0)) < 0.0);
         assert_eq!(side(t, p(5.0, 7.0, 0.0)), 0.0);
         assert!(turn(2, t[0], t[1], t[2]) > 0.0 && turn(0, t[0], t[1], t[2]) == 0.0);
-        assert!(
-            degenerate([p(0.1, 0.1, 0.1), p(0.2, 0.2, 0.2), p(0.3, 0.3, 0.3)].map(|q| q * 0.5)) || 0.1 + 0.2 != 0.3
-        );
         assert!(degenerate([p(1.0, 2.0, 3.0), p(2.0, 4.0, 6.0), p(3.0, 6.0, 9.0)]));
     }
 
@@ -128,7 +125,6 @@ mod tests {
             // many cases touch or lie in one plane
             let flatten = |t: [[i64; 3]; 3]| t.map(|p| if flat { [p[0], p[1], p[0] + p[1]] } else { p });
             let (s, t) = (flatten(s), flatten(t));
-            // tenths cannot be written in binary, but products of them with ten round to the same for equal numbers
             let real = |t: [[i64; 3]; 3]| t.map(|p| DVec3::new(p[0] as f64, p[1] as f64, p[2] as f64) * 0.125);
             let (a, b) = (real(s), real(t));
             prop_assume!(!degenerate(a) && !degenerate(b));
