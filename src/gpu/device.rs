@@ -197,88 +197,24 @@ impl Gpu {
         self.check()?;
         polled.map(|_| ()).map_err(|e| GpuError::Lost(e.to_string()))
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn proof() {
-        let gpu = Gpu::open(Preference::Any).unwrap();
-        eprintln!("{} {:?}", gpu.name(), gpu.capabilities());
-        eprintln!("{:#?}", gpu.limits());
-        let tex = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("t"),
-            size: wgpu::Extent3d { width: 64, height: 64, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Unorm,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
+    /// Waits for what was submitted, and hands the bytes of a mappable buffer to `with`.
+    pub(crate) fn read<T>(&self, buffer: &wgpu::Buffer, with: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        let (done, mapped) = std::sync::mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |r| {
+            // nobody listens any more if the wait below failed
+            let _ = done.send(r);
         });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(
-            "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { let x = f32(i & 1u) * 4.0 - 1.0; let y = f32(i >> 1u) * 4.0 - 1.0; return vec4f(x, y, 0.0, 1.0); }
-             @fragment fn fs(@builtin(position) p: vec4f) -> @location(0) vec4f { return vec4f(p.x / 64.0, p.y / 64.0, 0.25, 1.0); }".into()) });
-        let pipe = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: None,
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vs"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: Default::default(),
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fs"),
-                compilation_options: Default::default(),
-                targets: &[Some(wgpu::TextureFormat::Rgba8Unorm.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
-        let buf = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: 64 * 256,
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let view = tex.create_view(&Default::default());
-        let mut enc = gpu.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = enc.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: None,
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                ..Default::default()
-            });
-            pass.set_pipeline(&pipe);
-            pass.draw(0..3, 0..1);
+        self.wait()?;
+        match mapped.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(e)) => return Err(GpuError::Lost(e.to_string())),
+            Err(_) => return Err(GpuError::Lost("it did not finish its work".into())),
         }
-        enc.copy_texture_to_buffer(
-            tex.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &buf,
-                layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(256), rows_per_image: None },
-            },
-            tex.size(),
-        );
-        gpu.queue.submit([enc.finish()]);
-        buf.slice(..).map_async(wgpu::MapMode::Read, |_| ());
-        gpu.wait().unwrap();
-        let data = buf.get_mapped_range(..).unwrap();
-        assert_eq!(&data[256 * 10 + 4 * 20..][..4], &[82, 42, 64, 255]);
+        let view = buffer.get_mapped_range(..).map_err(|e| GpuError::Refusal(e.to_string()))?;
+        let read = with(&view);
+        drop(view);
+        buffer.unmap();
+        Ok(read)
     }
 }

@@ -2,6 +2,16 @@
 
 mod device;
 mod error;
+pub mod layout;
+mod occupancy;
+mod renderer;
+mod resolve;
+pub mod shader;
+mod slicing;
+mod timing;
+mod volume;
 
 pub use device::{Capabilities, Gpu, Preference};
 pub use error::GpuError;
+pub use renderer::Renderer;
+pub use timing::Timings;
