@@ -26,6 +26,15 @@ pub enum Smallest<'a> {
     At(&'a (dyn Fn(DVec3) -> f64 + Sync)),
 }
 
+impl Smallest<'_> {
+    fn at(&self, p: DVec3) -> f64 {
+        match self {
+            Self::Length(l) => *l,
+            Self::At(f) => f(p),
+        }
+    }
+}
+
 impl Rule<'_> {
     /// Every displaced edge is split `depth` times.
     pub fn uniform(depth: u32) -> Self {
@@ -148,12 +157,8 @@ impl Refiner {
         let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
         let mid = 0.5 * (p + q);
         let length = p.distance(q);
-        let smallest = match rule.smallest {
-            Smallest::Length(l) => l,
-            Smallest::At(f) => f(mid),
-        };
         // also for NaN
-        let splittable = length > smallest && length > 0.0;
+        let splittable = length > rule.smallest.at(mid) && length > 0.0;
         if !splittable || !supports.touches_segment(p, q) {
             return;
         }
@@ -203,8 +208,11 @@ impl Refiner {
                 }
                 [false, false, false] => {
                     let corners = face.v.map(|i| self.positions[i as usize]);
-                    if supports.hidden_in_triangle(corners) {
-                        self.split_at_centroid(face, corners, map, rule);
+                    let [a, b, c] = corners;
+                    let centroid = (a + b + c) / 3.0;
+                    let size = a.distance(b).max(b.distance(c)).max(c.distance(a));
+                    if supports.hidden_in_triangle(corners) && size > rule.smallest.at(centroid) {
+                        self.split_at_centroid(face, centroid, map, rule);
                     } else {
                         self.triangles.push(face.v);
                     }
@@ -256,10 +264,9 @@ impl Refiner {
     }
 
     /// A displaced region that no side touches: its edges to the centroid will.
-    fn split_at_centroid<M: BackwardMap + ?Sized>(&mut self, face: Face, corners: [DVec3; 3], map: &M, rule: &Rule) {
+    fn split_at_centroid<M: BackwardMap + ?Sized>(&mut self, face: Face, p: DVec3, map: &M, rule: &Rule) {
         let Face { v, e } = face;
         let m = self.positions.len() as u32;
-        let p = (corners[0] + corners[1] + corners[2]) / 3.0;
         self.positions.push(p);
         if rule.tolerance.is_some() {
             self.images.push(map.backward_with_jacobian(p));
