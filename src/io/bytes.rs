@@ -161,6 +161,12 @@ pub(super) fn open(path: &Path) -> Result<(File, u64), IoError> {
 
 /// The data file a header names, which must be a file other than the header.
 pub(super) fn detached(header: &Path, name: &str) -> Result<PathBuf, IoError> {
+    if name.is_empty() || name.contains(char::is_control) {
+        return Err(IoError::malformed(
+            header,
+            format!("names {} as its data file; it must name the file that holds the samples", quote(name)),
+        ));
+    }
     let path = header.parent().unwrap_or(Path::new("")).join(name);
     let meta =
         fs::metadata(&path).map_err(|e| IoError::system(&path, "open the data file that its header names", e))?;

@@ -84,7 +84,7 @@ fn frame(fields: &Fields) -> Result<(DMat3, DVec3), IoError> {
     };
     let origin = vector(&["Offset", "Position", "Origin"], DVec3::ZERO)?;
     let spacing = vector(&["ElementSpacing", "ElementSize"], DVec3::ONE)?;
-    if !(spacing.min_element() > 0.0) {
+    if !spacing.cmpgt(DVec3::ZERO).all() {
         return Err(fields.wrong(format!(
             "its voxel spacing is {} {} {}; each must be above 0 (a mirrored axis belongs into TransformMatrix)",
             spacing.x, spacing.y, spacing.z

@@ -60,7 +60,13 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
                 // a free pair may come twice; the first counts
                 let _ = pairs.add(&line[..at], &line[at + 2..]);
             }
-            (_, Some(at)) => fields.add(&line[..at], &line[at + 1..])?,
+            (_, Some(at)) => {
+                fields.add(&line[..at], &line[at + 1..])?;
+                if fields.get("data file").is_some_and(|name| name.to_ascii_lowercase().starts_with("list")) {
+                    // what follows is no header any more; a list is refused below
+                    break;
+                }
+            }
             _ => {
                 return Err(fields.wrong(format!(
                     "has the line {} in its header, which is not 'field: value'; an empty line must come before the data",
