@@ -55,7 +55,7 @@ fn main() {
         let (mut build, mut walk, mut nest) = (vec![], vec![], vec![]);
         for _ in 0..repeat {
             let t = Instant::now();
-            index.build(&mesh.positions, &topology, &planes);
+            index.build(&mesh.positions, &topology, &planes).expect("not too many points");
             build.push(t.elapsed().as_secs_f64() * 1e3);
             let t = Instant::now();
             index.contours(&mut slices);

@@ -137,18 +137,19 @@ impl Renderer {
         let volume = VolumeTexture::upload(gpu, field)?;
         let blocks = field.pyramid.levels[0].dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width: blocks[0], height: blocks[1], depth_or_array_layers: blocks[2] };
-        let occupancy = gpu.allocate("the volume's occupancy", blocks.iter().map(|&n| u64::from(n)).product(), || {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("occupancy"),
-                size,
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D3,
-                format: wgpu::TextureFormat::R8Uint,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-                view_formats: &[],
-            })
-        })?;
+        let occupancy =
+            gpu.allocate("the volume's occupancy", blocks.iter().map(|&n| u64::from(n)).product(), || {
+                gpu.device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some("occupancy"),
+                    size,
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D3,
+                    format: wgpu::TextureFormat::R8Uint,
+                    usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                    view_formats: &[],
+                })
+            })?;
         let uniform = uniform_buffer(gpu, "object", size_of::<ObjectUniform>());
         let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
         let (table, blocks) = (view(&self.table_texture), view(&occupancy));
@@ -160,8 +161,11 @@ impl Renderer {
             wgpu::BindingResource::Sampler(&self.sampler),
             wgpu::BindingResource::TextureView(&blocks),
         ];
-        let entries: Vec<_> =
-            resources.into_iter().zip(0..).map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let entries: Vec<_> = resources
+            .into_iter()
+            .zip(0..)
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("object"),
             layout: &self.object_layout,

@@ -228,8 +228,11 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, variant: Variant) -> wgpu:
         label: Some("slicing"),
         source: wgpu::ShaderSource::Wgsl(variant.source().into()),
     });
-    let largest =
-        wgpu::BlendComponent { src_factor: wgpu::BlendFactor::One, dst_factor: wgpu::BlendFactor::One, operation: wgpu::BlendOperation::Max };
+    let largest = wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::One,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Max,
+    };
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("slicing"),
         layout: Some(layout),
