@@ -2,6 +2,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::Supports;
 use super::edges::EdgeTable;
+use super::pattern::{self, Pattern};
 use crate::math::BackwardMap;
 
 /// When an edge of the slice's triangles is split.
@@ -81,6 +82,8 @@ pub struct Refiner {
     faces: Vec<Face>,
     next: Vec<Face>,
     table: EdgeTable,
+    /// By depth, made when first asked for.
+    patterns: [Option<Pattern>; pattern::DEEPEST as usize + 1],
 }
 
 impl Refiner {
@@ -114,10 +117,13 @@ impl Refiner {
             self.triangles.extend_from_slice(triangles);
             return;
         }
+        self.connect(triangles);
+        if rule.tolerance.is_none() && self.refine_by_pattern(supports, rule) {
+            return;
+        }
         if rule.tolerance.is_some() {
             self.images.extend(self.positions.iter().map(|p| map.backward_with_jacobian(*p)));
         }
-        self.connect(triangles);
         let mut fresh = 0;
         for _ in 0..rule.depth {
             let end = self.edges.len();
@@ -149,6 +155,82 @@ impl Refiner {
             });
             self.faces.push(Face { v: *v, e });
         }
+    }
+
+    /// Splits every displaced edge into all its parts at once. False, with nothing done, if that cannot be: the pattern would
+    /// be too large, or some parts would be too small.
+    fn refine_by_pattern(&mut self, supports: &Supports, rule: &Rule) -> bool {
+        if rule.depth > pattern::DEEPEST {
+            return false;
+        }
+        let parts = 1_u32 << rule.depth;
+        let limited = !matches!(rule.smallest, Smallest::Length(l) if l <= 0.0);
+        for edge in &mut self.edges {
+            let (p, q) = (self.positions[edge.a as usize], self.positions[edge.b as usize]);
+            edge.mid = NONE;
+            if !supports.touches_segment(p, q) {
+                continue;
+            }
+            let length = p.distance(q);
+            if limited {
+                let smallest = [p, 0.5 * (p + q), q].map(|x| rule.smallest.at(x)).into_iter().fold(0.0, f64::max);
+                // the last split is of parts twice as long as those that are left
+                if length * 2.0 / f64::from(parts) <= smallest {
+                    self.edges.iter_mut().for_each(|e| e.mid = NONE);
+                    return false;
+                }
+            }
+            if length > 0.0 {
+                // marked; numbered below
+                edge.mid = 0;
+            }
+        }
+        let pattern = self.patterns[rule.depth as usize].get_or_insert_with(|| Pattern::new(rule.depth));
+        let between = parts - 1;
+        let share = 1.0 / f64::from(parts);
+        for edge in self.edges.iter_mut().filter(|e| e.mid != NONE) {
+            let (p, q) = (self.positions[edge.a as usize], self.positions[edge.b as usize]);
+            edge.mid = self.positions.len() as u32;
+            self.positions.extend((1..parts).map(|s| {
+                let t = f64::from(s) * share;
+                p * (1.0 - t) + q * t
+            }));
+        }
+        let mut numbers = [0_u32; 1 << (2 * pattern::DEEPEST)];
+        for face in &self.faces {
+            let corners = face.v.map(|i| self.positions[i as usize]);
+            numbers[..3].copy_from_slice(&face.v);
+            let mut mask = 0;
+            for i in 0..3 {
+                let edge = self.edges[face.e[i] as usize];
+                if edge.mid == NONE {
+                    continue;
+                }
+                mask |= 1 << i;
+                let slots = &mut numbers[3 + i * between as usize..][..between as usize];
+                if edge.a == face.v[i] {
+                    slots.iter_mut().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
+                } else {
+                    slots.iter_mut().rev().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
+                }
+            }
+            if mask == 0 && !supports.hidden_in_triangle(corners) {
+                self.triangles.push(face.v);
+                continue;
+            }
+            let first = self.positions.len() as u32;
+            let [a, b, c] = corners;
+            self.positions.extend(pattern.inside.iter().map(|w| {
+                let [i, j, k] = w.map(|w| f64::from(w) * share);
+                a * i + b * j + c * k
+            }));
+            let slots = &mut numbers[3 + 3 * between as usize..][..pattern.inside.len()];
+            slots.iter_mut().zip(first..).for_each(|(slot, m)| *slot = m);
+            // the mask makes the index provably small
+            self.triangles
+                .extend(pattern.triangles[mask].iter().map(|t| t.map(|i| numbers[i as usize & (numbers.len() - 1)])));
+        }
+        true
     }
 
     /// Splits edge `i` if the rule says so; its halves are decided upon at the next level.
