@@ -113,6 +113,28 @@ proptest! {
     }
 }
 
+/// The quaternion form that is written beside the matrix says the same; a sheared frame has none.
+#[test]
+fn both_forms_of_nifti_agree() {
+    let folder = Folder::new();
+    for kind in 0..5 {
+        let frame = frame(kind, DVec3::new(0.7, 1.5, 2.25), DVec3::new(-20.0, 30.0, 5.5));
+        let v = volume(ScalarType::U8, 1, [3, 4, 5], frame, Space::Lps, 5);
+        let path = folder.path("v.nii");
+        write_volume(&path, &v, &raw()).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        assert_eq!(bytes[254], 1);
+        bytes[254] = 0;
+        let back = read_volume(&folder.file("v.nii", bytes)).unwrap();
+        if kind == 4 {
+            assert_eq!(back.grid.space, Space::Unknown);
+        } else {
+            let gap = frame_gap(&back.grid, &v.grid.in_space(Space::Ras));
+            assert!(gap < 3e-6, "kind {kind}: {gap}");
+        }
+    }
+}
+
 /// More than one piece of the parallel deflater, and of a size that is not a multiple of it.
 #[test]
 fn large_streams_are_whole() {
@@ -207,10 +229,12 @@ fn a_failed_pair_leaves_what_was_there() {
 
 #[test]
 fn names_tell_volumes() {
-    for name in ["a.nrrd", "A.NRRD", "a.nhdr", "a.nii", "a.nii.gz", "a.hdr", "a.img", "a.mha", "a.MHD", "a.raw"] {
+    for name in
+        ["a.nrrd", "A.NRRD", "a.nhdr", "a.nii", "a.nii.gz", "a.hdr", "a.img", "a.mha", "a.MHD", "a.raw", "a.json"]
+    {
         assert!(is_volume_path(name.as_ref()), "{name}");
     }
-    for name in ["a.gz", "a.obj", "a.json", "nrrd", "a.vti", "", "a.png"] {
+    for name in ["a.gz", "a.obj", "a.jsonl", "nrrd", "a.vti", "", "a.png"] {
         assert!(!is_volume_path(name.as_ref()), "{name}");
     }
 }
