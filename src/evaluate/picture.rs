@@ -89,7 +89,7 @@ impl Renderer {
         options: &ViewOptions,
     ) -> Result<(Picture, PictureReport), EvaluateError> {
         let started = Instant::now();
-        let geometry = geometry::slices(
+        let geometry = Arc::new(geometry::slices(
             object,
             camera,
             &GeometryOptions {
@@ -98,7 +98,7 @@ impl Renderer {
                 subdivide: options.mode == Mode::Slicing,
                 size: options.size,
             },
-        )?;
+        )?);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         let drawing = Instant::now();
         let look = Look { transparent: options.transparent, ..*look };
@@ -110,7 +110,7 @@ impl Renderer {
             Some(gpu) => {
                 gpu.set_field(&object.field)?;
                 gpu.set_table(&table);
-                gpu.set_geometry(&geometry)?;
+                gpu.set_geometry(&geometry);
                 (gpu.draw(&frame)?, None)
             }
             None => {
