@@ -111,13 +111,15 @@ pub struct SlabIndex {
     pub(super) walker: Walker,
 }
 
-/// Planes, and points in all planes together, that are let in: 4 GiB of coordinates.
-const MOST_POINTS: usize = 1 << 28;
+/// Planes that are let in.
+const MOST_PLANES: usize = 1 << 22;
+/// Points in all planes together that are let in: 4 GiB of coordinates.
+const MOST_POINTS: u64 = 1 << 28;
 
 /// Why a mesh could not be cut.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SliceError {
-    #[error("{0} planes are more than the {MOST_POINTS} that can be cut at once; ask for fewer")]
+    #[error("{0} planes are more than the {MOST_PLANES} that can be cut at once; ask for fewer")]
     TooManyPlanes(usize),
     #[error("the sections have {0} points, more than the {MOST_POINTS} that fit; ask for fewer planes")]
     TooManyPoints(u64),
@@ -138,7 +140,7 @@ impl SlabIndex {
     /// If `topology` has more vertices than there are positions.
     pub fn build(&mut self, positions: &[DVec3], topology: &Topology, planes: &Planes) -> Result<(), SliceError> {
         assert!(topology.vertex_count <= positions.len(), "the topology has more vertices than there are positions");
-        if planes.count > MOST_POINTS {
+        if planes.count > MOST_PLANES {
             return Err(SliceError::TooManyPlanes(planes.count));
         }
         self.planes = Some(*planes);
@@ -166,7 +168,7 @@ impl SlabIndex {
             total += crossings;
             self.first_point.push(total.min(u64::from(u32::MAX)) as u32);
         }
-        if total > MOST_POINTS as u64 {
+        if total > MOST_POINTS {
             *self = Self::default();
             return Err(SliceError::TooManyPoints(total));
         }

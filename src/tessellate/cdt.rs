@@ -70,7 +70,7 @@ pub(super) fn run(polygon: &Polygon, limits: Limits, triangles: &mut Vec<[u32; 3
         let ends = [a, b].map(FixedVertexHandle::from_index);
         cdt.add_constraint_and_split(ends[0], ends[1], Vertex::from);
     }
-    if limits != Limits::default() {
+    if limits.min_angle > 0.0 || limits.max_area > 0.0 && limits.max_area.is_finite() {
         refine(&mut cdt, limits, polygon.area());
     }
 
@@ -99,6 +99,9 @@ fn refine(cdt: &mut Cdt, limits: Limits, area: f64) {
         .with_max_additional_vertices((MOST_ADDED.0 * cdt.num_vertices()).min(MOST_ADDED.1));
     if limits.max_area.is_finite() && limits.max_area > 0.0 {
         parameters = parameters.with_max_allowed_area(limits.max_area.max(1e-8 * area.abs()));
+    }
+    if limits.keep_outline {
+        parameters = parameters.keep_constraint_edges();
     }
     cdt.refine(parameters);
 }

@@ -79,6 +79,8 @@ pub struct Limits {
     pub min_angle: f64,
     /// Triangles are split until none is larger; infinite or zero for no limit.
     pub max_area: f64,
+    /// Points are added inside only, so that neighbouring polygons still fit together.
+    pub keep_outline: bool,
 }
 
 /// The triangles of all planes, flat; anticlockwise.
