@@ -93,7 +93,7 @@ fn skin() -> Shape {
         .add(20.0, ellipsoid(v(0.0, -40.0, -28.0), v(57.0, 54.0, 62.0)))
         // neck: column, throat, nape, shoulders' beginning
         .pair(18.0, ellipsoid(v(38.0, 2.0, -18.0), v(33.0, 52.0, 40.0)))
-        .pair(14.0, cone(v(54.0, -54.0, -22.0), v(60.0, -6.0, -16.0), 11.0, 11.0))
+        .pair(14.0, cone(v(51.0, -54.0, -22.0), v(59.0, -6.0, -18.0), 12.0, 12.0))
         .add(18.0, ellipsoid(v(0.0, 42.0, -12.0), v(54.0, 49.0, 40.0)))
         .add(24.0, cone(v(0.0, 30.0, -40.0), v(0.0, 36.0, -180.0), 49.0, 50.0))
         .add(16.0, cone(v(0.0, -10.0, -112.0), v(0.0, -8.0, -180.0), 17.0, 22.0))
@@ -105,9 +105,10 @@ fn skin() -> Shape {
         .pair(14.0, cone(v(47.0, -26.0, -76.0), v(17.0, -82.0, -98.0), 14.0, 13.0))
         .add(14.0, ellipsoid(v(0.0, -86.0, -100.0), v(19.0, 16.0, 14.0)))
         .add(14.0, ellipsoid(v(0.0, -46.0, -88.0), v(40.0, 44.0, 20.0)))
-        .pair(18.0, turned_ellipsoid(v(45.0, -65.0, -20.0), v(19.0, 19.0, 13.0), turn(0.0, 0.0, 35.0)))
-        .pair(20.0, ellipsoid(v(33.0, -66.0, -50.0), v(22.0, 25.0, 26.0)))
+        .pair(18.0, turned_ellipsoid(v(43.0, -65.0, -20.0), v(18.0, 18.0, 13.0), turn(0.0, 0.0, 35.0)))
+        .pair(20.0, ellipsoid(v(35.0, -60.0, -50.0), v(25.0, 30.0, 29.0)))
         .add(12.0, ellipsoid(v(0.0, -77.0, -66.0), v(28.0, 25.5, 23.0)))
+        .pair(16.0, ellipsoid(v(42.0, -50.0, 12.0), v(23.0, 28.0, 26.0)))
         // brows, sockets, lids
         .pair(12.0, cone(v(9.0, -91.5, 18.5), v(28.0, -91.5, 21.0), 6.5, 6.0))
         .pair(16.0, cone(v(28.0, -91.5, 21.0), v(51.0, -66.0, 10.0), 6.0, 5.0))
@@ -116,6 +117,7 @@ fn skin() -> Shape {
         // nose
         .add(9.0, cone(v(0.0, -90.0, 12.0), v(0.0, -99.0, -8.0), 6.0, 6.2))
         .add(7.0, cone(v(0.0, -99.0, -8.0), v(0.0, -111.5, -34.0), 6.2, 9.2))
+        .pair(10.0, cone(v(4.5, -92.0, -6.0), v(9.0, -97.0, -34.0), 5.0, 6.5))
         .pair(8.0, turned_ellipsoid(v(10.5, -103.0, -38.5), v(6.2, 9.5, 7.2), turn(-15.0, 0.0, -12.0)))
         .add(5.0, cone(v(0.0, -111.0, -38.5), v(0.0, -100.0, -45.0), 4.4, 4.0))
         .cut_pair(2.5, turned_ellipsoid(v(6.6, -108.0, -47.5), v(3.2, 6.5, 5.0), turn(0.0, 0.0, -18.0)))
@@ -173,7 +175,8 @@ fn skull() -> Shape {
         // base: clivus, petrous bones, mastoids, condyles
         .add(8.0, cone(v(0.0, -28.0, -12.0), v(0.0, 14.0, -30.0), 13.0, 9.0))
         .pair(6.0, cone(v(54.0, 16.0, -20.0), v(53.0, 17.0, -46.0), 12.0, 6.0))
-        .pair(5.0, cone(v(16.0, 22.0, -34.0), v(14.0, 28.0, -42.0), 7.0, 6.0));
+        .pair(5.0, cone(v(16.0, 22.0, -34.0), v(14.0, 28.0, -42.0), 7.0, 6.0))
+;
     s = cavity_cut(s)
         .pair(6.0, cone(v(54.0, 8.0, -16.0), v(14.0, -6.0, -18.0), 10.0, 6.0))
         .pair(5.0, cone(v(10.0, -36.0, 2.0), v(46.0, -46.0, 8.0), 4.0, 3.0))
@@ -194,16 +197,7 @@ fn skull() -> Shape {
             ],
         )
         .add(4.0, cone(v(0.0, -87.0, 12.0), v(0.0, -99.5, -11.0), 6.5, 4.0))
-        .chain(
-            4.0,
-            true,
-            &[
-                (v(5.0, -91.0, 2.0), 4.2),
-                (v(9.5, -92.0, -14.0), 4.2),
-                (v(14.5, -87.0, -32.0), 4.5),
-                (v(12.0, -89.0, -46.0), 5.0),
-            ],
-        )
+        .chain(4.0, true, &[(v(5.0, -91.0, 2.0), 4.2), (v(9.5, -92.0, -14.0), 4.2), (v(14.5, -87.0, -32.0), 4.5), (v(12.0, -89.0, -46.0), 5.0)])
         // zygomatic arch
         .chain(
             5.0,
@@ -317,13 +311,7 @@ fn teeth() -> (Shape, Shape) {
             let rot = Mat3::from_cols(t, v(-t.y, t.x, 0.0), Vec3::Z);
             let height = [10.0, 9.0, 10.5, 8.5, 8.2, 7.6, 7.2, 6.8][i];
             let molar = i > 4;
-            let depth = if molar {
-                5.0
-            } else if i > 2 {
-                4.2
-            } else {
-                3.2
-            };
+            let depth = if molar { 5.0 } else if i > 2 { 4.2 } else { 3.2 };
             let neck = v(p.x, p.y + back, edge + up * height);
             let crown = v(p.x, p.y + back, edge + up * 0.5 * height);
             let half = v(0.485 * w, depth, 0.5 * height);
@@ -332,8 +320,7 @@ fn teeth() -> (Shape, Shape) {
             if i < 3 {
                 let front = rot * v(0.0, 1.0, 0.0);
                 let (n, out) = (if front.y > 0.0 { front } else { -front }, v(0.0, 0.0, -up));
-                enamel =
-                    enamel.pair(1.5, turned_cuboid(crown - n * 1.2 + out * 0.1, half * v(0.99, 0.5, 1.0), 1.2, rot));
+                enamel = enamel.pair(1.5, turned_cuboid(crown - n * 1.2 + out * 0.1, half * v(0.99, 0.5, 1.0), 1.2, rot));
             }
             let length = [12.5, 12.0, 16.0, 13.0, 13.0, 12.0, 11.5, 10.0][i];
             let tip = v(0.0, 0.8, up * length);
@@ -444,25 +431,25 @@ fn muscle() -> Shape {
 }
 
 fn cerebrum() -> Shape {
-    Shape::new(22.0)
-        .fold(0.4)
-        .pair(0.0, ellipsoid(v(25.0, -36.0, 34.0), v(25.0, 43.0, 41.0)))
-        .pair(10.0, ellipsoid(v(29.0, 12.0, 48.0), v(31.0, 64.0, 54.0)))
-        .pair(8.0, ellipsoid(v(25.0, 54.0, 32.0), v(25.0, 32.0, 36.0)))
-        // the temporal lobe, under a deep fissure
-        .cut_pair(4.0, turned_cuboid(v(56.0, -22.0, 16.0), v(16.0, 34.0, 0.6), 0.5, turn(14.0, 0.0, 0.0)))
-        .pair(3.0, turned_ellipsoid(v(41.0, -12.0, 0.0), v(18.0, 36.0, 17.0), turn(12.0, 0.0, 0.0)))
+    cavity(-2.6, Shape::new(22.0).fold(0.4))
+        // the temporal lobe lies under a deep fissure
+        .cut_pair(4.0, turned_cuboid(v(58.0, -24.0, 14.0), v(18.0, 32.0, 0.8), 0.5, turn(14.0, 0.0, 0.0)))
+        .cut_pair(5.0, turned_cuboid(v(40.0, -62.0, -6.0), v(40.0, 20.0, 7.0), 4.0, turn(-12.0, 0.0, 0.0)))
+        // cisterns around the stem, tentorium
+        .cut(6.0, ellipsoid(v(0.0, 0.0, -8.0), v(17.0, 24.0, 20.0)))
+        .cut(4.0, ellipsoid(v(0.0, 46.0, -16.0), v(62.0, 42.0, 26.0)))
         // between the hemispheres, down to the corpus callosum
         .cut(2.0, cuboid(v(0.0, 0.0, 98.0), v(1.1, 120.0, 46.0), 0.5))
-        .cut(2.0, cuboid(v(0.0, -70.0, 60.0), v(1.1, 36.0, 60.0), 0.5))
+        .cut(2.0, cuboid(v(0.0, -70.0, 60.0), v(1.1, 36.0, 80.0), 0.5))
         .cut(2.0, cuboid(v(0.0, 90.0, 40.0), v(1.1, 46.0, 50.0), 0.5))
-        .keep(4.0, ellipsoid(v(0.0, 8.0, 40.0), v(61.0, 76.5, 63.0)))
 }
 
 fn cerebellum() -> Shape {
     Shape::new(14.0)
-        .pair(0.0, ellipsoid(v(23.0, 48.0, -9.0), v(24.0, 27.0, 18.0)))
-        .add(6.0, ellipsoid(v(0.0, 46.0, -6.0), v(8.0, 24.0, 16.0)))
+        .fold(3.0)
+        .pair(0.0, ellipsoid(v(20.0, 44.0, -11.0), v(25.0, 29.0, 18.0)))
+        .add(6.0, ellipsoid(v(0.0, 46.0, -8.0), v(9.0, 25.0, 16.0)))
+        .keep(2.0, ellipsoid(v(0.0, 40.0, -8.0), v(45.0, 35.0, 20.0)))
 }
 
 fn stem() -> Shape {
@@ -563,8 +550,7 @@ impl Model for Head {
         if below > 0.0 && cavity > -w {
             let muscle = cover(at.d(MUSCLE, p), w.max(1.2));
             let fat = hu::FAT + 22.0 * grain(p * 0.16);
-            let flesh =
-                if muscle > 0.0 { mix(fat, hu::MUSCLE + 10.0 * noise(p * v(0.5, 0.5, 0.12)), muscle) } else { fat };
+            let flesh = if muscle > 0.0 { mix(fat, hu::MUSCLE + 10.0 * noise(p * v(0.5, 0.5, 0.12)), muscle) } else { fat };
             x = mix(x, flesh, below);
             x = mix(x, hu::CARTILAGE, cover(at.d(CARTILAGE, p), w));
             x = mix(x, hu::MUSCLE, cover(at.d(NERVES, p), w));
