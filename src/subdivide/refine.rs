@@ -58,7 +58,7 @@ const NONE: u32 = u32::MAX;
 struct Edge {
     a: u32,
     b: u32,
-    /// Vertex in the middle, or `NONE`.
+    /// Vertex in the middle, or `NONE`. While patterns are laid, the first of all vertices between the ends.
     mid: u32,
     /// The edge a-mid; mid-b is the next. Only if there is a middle.
     child: u32,
@@ -118,13 +118,13 @@ impl Refiner {
             return;
         }
         self.connect(triangles);
-        if rule.tolerance.is_none() && self.refine_by_pattern(supports, rule) {
-            return;
+        let mut fresh = 0;
+        if rule.tolerance.is_none() && self.split_by_pattern(supports, rule) {
+            fresh = self.edges.len();
         }
         if rule.tolerance.is_some() {
             self.images.extend(self.positions.iter().map(|p| map.backward_with_jacobian(*p)));
         }
-        let mut fresh = 0;
         for _ in 0..rule.depth {
             let end = self.edges.len();
             for i in fresh..end {
@@ -157,21 +157,23 @@ impl Refiner {
         }
     }
 
-    /// Splits every displaced edge into all its parts at once. False, with nothing done, if that cannot be: the pattern would
-    /// be too large, or some parts would be too small.
-    fn refine_by_pattern(&mut self, supports: &Supports, rule: &Rule) -> bool {
+    /// Splits every displaced edge into all its parts at once, and the triangles all of whose edges are displaced by a pattern.
+    /// What is left are triangles with displaced and undisplaced edges; those go through the levels. False, with nothing
+    /// done, if that cannot be: the pattern would be too large, or some parts would be too small.
+    fn split_by_pattern(&mut self, supports: &Supports, rule: &Rule) -> bool {
         if rule.depth > pattern::DEEPEST {
             return false;
         }
         let parts = 1_u32 << rule.depth;
         let limited = !matches!(rule.smallest, Smallest::Length(l) if l <= 0.0);
-        for edge in &mut self.edges {
-            let (p, q) = (self.positions[edge.a as usize], self.positions[edge.b as usize]);
-            edge.mid = NONE;
-            if !supports.touches_segment(p, q) {
+        for i in 0..self.edges.len() {
+            let Edge { a, b, .. } = self.edges[i];
+            let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+            let length = p.distance(q);
+            let splittable = length > 0.0;
+            if !splittable || !supports.touches_segment(p, q) {
                 continue;
             }
-            let length = p.distance(q);
             if limited {
                 let smallest = [p, 0.5 * (p + q), q].map(|x| rule.smallest.at(x)).into_iter().fold(0.0, f64::max);
                 // the last split is of parts twice as long as those that are left
@@ -180,57 +182,71 @@ impl Refiner {
                     return false;
                 }
             }
-            if length > 0.0 {
-                // marked; numbered below
-                edge.mid = 0;
-            }
+            // marked; numbered below
+            self.edges[i].mid = 0;
         }
         let pattern = self.patterns[rule.depth as usize].get_or_insert_with(|| Pattern::new(rule.depth));
         let between = parts - 1;
         let share = 1.0 / f64::from(parts);
         for edge in self.edges.iter_mut().filter(|e| e.mid != NONE) {
             let (p, q) = (self.positions[edge.a as usize], self.positions[edge.b as usize]);
+            // the first of its points
             edge.mid = self.positions.len() as u32;
             self.positions.extend((1..parts).map(|s| {
                 let t = f64::from(s) * share;
                 p * (1.0 - t) + q * t
             }));
         }
-        let mut numbers = [0_u32; 1 << (2 * pattern::DEEPEST)];
+        self.next.clear();
+        let mut numbers = [0_u32; pattern::VERTICES];
         for face in &self.faces {
-            let corners = face.v.map(|i| self.positions[i as usize]);
+            let edges = face.e.map(|e| self.edges[e as usize]);
+            if edges.iter().any(|e| e.mid == NONE) {
+                self.next.push(*face);
+                continue;
+            }
             numbers[..3].copy_from_slice(&face.v);
-            let mut mask = 0;
-            for i in 0..3 {
-                let edge = self.edges[face.e[i] as usize];
-                if edge.mid == NONE {
-                    continue;
-                }
-                mask |= 1 << i;
-                let slots = &mut numbers[3 + i * between as usize..][..between as usize];
-                if edge.a == face.v[i] {
+            let (sides, inside) = numbers[3..].split_at_mut(3 * between as usize);
+            for ((slots, edge), from) in sides.chunks_exact_mut(between as usize).zip(edges).zip(face.v) {
+                if edge.a == from {
                     slots.iter_mut().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
                 } else {
                     slots.iter_mut().rev().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
                 }
             }
-            if mask == 0 && !supports.hidden_in_triangle(corners) {
-                self.triangles.push(face.v);
-                continue;
-            }
             let first = self.positions.len() as u32;
-            let [a, b, c] = corners;
-            self.positions.extend(pattern.inside.iter().map(|w| {
-                let [i, j, k] = w.map(|w| f64::from(w) * share);
-                a * i + b * j + c * k
-            }));
-            let slots = &mut numbers[3 + 3 * between as usize..][..pattern.inside.len()];
-            slots.iter_mut().zip(first..).for_each(|(slot, m)| *slot = m);
-            // the mask makes the index provably small
+            let [a, b, c] = face.v.map(|i| self.positions[i as usize]);
+            self.positions.extend(pattern.inside.iter().map(|w| a * w[0] + b * w[1] + c * w[2]));
+            inside.iter_mut().zip(first..first + pattern.inside.len() as u32).for_each(|(slot, m)| *slot = m);
+            let numbers = &numbers;
             self.triangles
-                .extend(pattern.triangles[mask].iter().map(|t| t.map(|i| numbers[i as usize & (numbers.len() - 1)])));
+                .extend(pattern.triangles.iter().map(|t| t.map(|i| numbers[i as usize & (pattern::VERTICES - 1)])));
+        }
+        std::mem::swap(&mut self.faces, &mut self.next);
+        for n in 0..self.faces.len() {
+            for e in self.faces[n].e {
+                let Edge { mid, child, .. } = self.edges[e as usize];
+                if mid != NONE && child == NONE {
+                    self.halve(e, mid, between);
+                }
+            }
         }
         true
+    }
+
+    /// Makes the halves of an edge, and theirs, of `count` points that follow each other from `first` on.
+    fn halve(&mut self, edge: u32, first: u32, count: u32) {
+        let Edge { a, b, .. } = self.edges[edge as usize];
+        let half = count / 2;
+        let mid = first + half;
+        let child = self.edges.len() as u32;
+        self.edges.push(Edge { a, b: mid, mid: NONE, child: NONE });
+        self.edges.push(Edge { a: mid, b, mid: NONE, child: NONE });
+        (self.edges[edge as usize].mid, self.edges[edge as usize].child) = (mid, child);
+        if half > 0 {
+            self.halve(child, first, half);
+            self.halve(child + 1, mid + 1, half);
+        }
     }
 
     /// Splits edge `i` if the rule says so; its halves are decided upon at the next level.
