@@ -85,14 +85,14 @@ impl Frame {
     /// Displacement, in voxels of the input, of the output voxel `out` under the map. Taken as a difference in the world, so
     /// that a point the map leaves alone stays exactly where it is.
     #[inline]
-    pub fn displacement(&self, map: &(impl BackwardMap + ?Sized), out: DVec3) -> DVec3 {
+    pub fn displacement(&self, map: &dyn BackwardMap, out: DVec3) -> DVec3 {
         let p = self.world_from_out.transform_point3(out);
         self.in_from_world * (map.backward(p) - p)
     }
 
     /// Input coordinate of the output voxel `out` under the map.
     #[inline]
-    pub fn source(&self, map: &(impl BackwardMap + ?Sized), out: DVec3) -> DVec3 {
+    pub fn source(&self, map: &dyn BackwardMap, out: DVec3) -> DVec3 {
         snap(self.undisplaced(out) + self.displacement(map, out))
     }
 }

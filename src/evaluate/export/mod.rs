@@ -29,7 +29,6 @@ mod grid;
 mod kernel;
 mod run;
 mod shift;
-mod statistics;
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -39,10 +38,11 @@ use rayon::prelude::*;
 
 pub use grid::GridChoice;
 pub use kernel::{Blend, Fetch};
-pub use statistics::Statistics;
 
-use crate::math::BackwardMap;
+use crate::deform::Prepared;
+use crate::math::{BackwardMap, BlockMap, Identity};
 use crate::volume::sampling::{Interpolation, Sampler};
+use crate::volume::statistics::{Statistics, statistics, stored_statistics};
 use crate::volume::{Grid, GridError, Samples, Volume};
 use crate::with_samples;
 use grid::{Frame, Span};
@@ -84,6 +84,25 @@ impl Default for ExportOptions {
     }
 }
 
+/// A deformation that can be exported.
+///
+/// The export needs nothing beyond [`BackwardMap`]; maps that can work off many points at once say so here.
+pub trait ExportMap: BackwardMap {
+    /// An evaluator for points in the neighbourhood of `center` (world), if there is a fast one.
+    fn blocks_near(&self, center: DVec3) -> Option<Box<dyn BlockMap<f32> + '_>> {
+        let _ = center;
+        None
+    }
+}
+
+impl ExportMap for Identity {}
+
+impl ExportMap for Prepared {
+    fn blocks_near(&self, center: DVec3) -> Option<Box<dyn BlockMap<f32> + '_>> {
+        Some(Box::new(self.blocks(center)))
+    }
+}
+
 /// Called now and then, from any thread, with the done part (0 to 1); `Break` stops the work.
 pub type Progress<'a> = &'a (dyn Fn(f64) -> ControlFlow<()> + Sync);
 
@@ -104,8 +123,12 @@ pub struct ExportReport {
     /// Material the grid does not hold: voxels of the output's lattice beyond the output in which the deformed volume has
     /// another value than the outside value. `None` if there are too many voxels to look at.
     pub clipped: Option<u64>,
+    /// Of the real values.
     pub before: Statistics,
     pub after: Statistics,
+    /// Sum of the real values times the volume of a voxel, in world units.
+    pub mass_before: f64,
+    pub mass_after: f64,
     /// Wall time, in milliseconds.
     pub ms: f64,
 }
@@ -155,36 +178,39 @@ fn around(mut region: Span, hole: &Span) -> Vec<Span> {
     parts
 }
 
+fn mass(volume: &Volume, facts: &Statistics) -> f64 {
+    let voxel = volume.grid.world_from_voxel.matrix3.determinant().abs();
+    if facts.count == 0 { 0.0 } else { facts.mean * facts.count as f64 * voxel }
+}
+
 /// The deformed volume on the chosen grid.
 ///
 /// # Errors
 /// If the grid makes no sense, is too large, or `progress` stopped the work.
-pub fn export<M: BackwardMap + ?Sized>(
+pub fn export(
     volume: &Volume,
-    map: &M,
+    map: &dyn ExportMap,
     options: &ExportOptions,
     progress: Progress<'_>,
 ) -> Result<(Volume, ExportReport), ExportError> {
     with_samples!(&volume.samples, v => typed(volume, v, map, options, progress))
 }
 
-fn typed<T: Fetch, M: BackwardMap + ?Sized>(
+fn typed<T: Fetch>(
     volume: &Volume,
     samples: &[T],
-    map: &M,
+    map: &dyn ExportMap,
     options: &ExportOptions,
     progress: Progress<'_>,
 ) -> Result<(Volume, ExportReport), ExportError> {
     let clock = Instant::now();
     let input = &volume.grid;
-    let voxel = |g: &Grid| g.world_from_voxel.matrix3.determinant().abs();
-    let facts = statistics::stored(samples);
-    let before = Statistics::new(facts, samples.len(), volume.rescale, voxel(input));
+    let facts = stored_statistics(volume);
     let outside = match options.outside {
         Some(real) => volume.rescale.stored(real),
         // the lowest real value is the highest stored one where the slope is negative
-        None if volume.channels == 1 && facts.count > 0 && volume.rescale.slope < 0.0 => facts.hi,
-        None if volume.channels == 1 && facts.count > 0 => facts.lo,
+        None if volume.channels == 1 && volume.rescale.slope < 0.0 && facts.max.is_finite() => facts.max,
+        None if volume.channels == 1 && volume.rescale.slope > 0.0 && facts.min.is_finite() => facts.min,
         None => 0.0,
     };
     let supports = map.supports();
@@ -207,13 +233,13 @@ fn typed<T: Fetch, M: BackwardMap + ?Sized>(
 
     let mut result = zeroed::<T>(output.len() * volume.channels)?;
     let tally = job.fill(&output, &mut result, progress)?;
-    let after = Statistics::new(statistics::stored(&result), result.len(), volume.rescale, voxel(&output));
     let rest = around(grid::reached(input, &output, &supports), &Span::of(&output));
     let to_look_at = rest.iter().try_fold(0u64, |n, s| n.checked_add(s.voxels()?));
     let clipped = to_look_at.filter(|n| *n <= options.limit).map(|_| rest.iter().map(|s| job.material(s)).sum());
 
     let mut made = Volume::new(output, volume.channels, T::wrap(result));
     made.rescale = volume.rescale;
+    let (before, after) = (facts.rescaled(volume.rescale), statistics(&made));
     let report = ExportReport {
         voxels: output.len() as u64,
         moved: tally.moved,
@@ -221,6 +247,8 @@ fn typed<T: Fetch, M: BackwardMap + ?Sized>(
         clipped,
         before,
         after,
+        mass_before: mass(volume, &before),
+        mass_after: mass(&made, &after),
         ms: clock.elapsed().as_secs_f64() * 1e3,
     };
     Ok((made, report))
@@ -231,11 +259,7 @@ fn typed<T: Fetch, M: BackwardMap + ?Sized>(
 ///
 /// # Errors
 /// If memory does not suffice or `progress` stopped the work.
-pub fn export_field<M: BackwardMap + ?Sized>(
-    grid: &Grid,
-    map: &M,
-    progress: Progress<'_>,
-) -> Result<Volume, ExportError> {
+pub fn export_field(grid: &Grid, map: &dyn BackwardMap, progress: Progress<'_>) -> Result<Volume, ExportError> {
     let [nx, ny, nz] = grid.dims;
     let supports = Supports::new(grid, &map.supports());
     let mut field = zeroed::<f32>(grid.len() * 3)?;

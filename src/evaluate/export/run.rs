@@ -9,8 +9,7 @@ use rayon::prelude::*;
 use super::grid::{Frame, Link, Span};
 use super::kernel::{Fetch, ROW, Scratch, Window};
 use super::shift::{Block, EDGE, Shifts, Supports};
-use super::{ExportError, Precision, Progress};
-use crate::math::BackwardMap;
+use super::{ExportError, ExportMap, Precision, Progress};
 use crate::volume::Grid;
 use crate::volume::sampling::{Interpolation, Sampler};
 
@@ -61,9 +60,9 @@ impl<'a> Watch<'a> {
 }
 
 /// Everything the voxels of an output need.
-pub(super) struct Job<'a, T, M: ?Sized> {
+pub(super) struct Job<'a, T> {
     pub sampler: Sampler<'a, T>,
-    pub map: &'a M,
+    pub map: &'a dyn ExportMap,
     pub frame: Frame,
     pub supports: Supports,
     pub interpolation: Interpolation,
@@ -80,7 +79,7 @@ struct Work<T> {
     row: Vec<T>,
 }
 
-impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
+impl<T: Fetch> Job<'_, T> {
     fn work(&self) -> Work<T> {
         Work {
             shifts: Shifts::new(),
@@ -163,7 +162,7 @@ impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
                 if self.precision == Precision::Reference {
                     self.reference(&block, work, tally, &mut sink);
                 } else if self.supports.touch(&block) {
-                    work.shifts.interpolated(&self.frame, self.map, &self.supports, &block);
+                    work.shifts.fill(&self.frame, self.map, &self.supports, &block);
                     self.displaced(&block, true, work, tally, &mut sink);
                 } else if let Link::Lattice(offset) = self.frame.link {
                     self.copy(&block, offset, work, tally, &mut sink);
