@@ -128,7 +128,7 @@ pub fn run(args: &Args) -> Result<Answer> {
             "outside": r.outside,
             "outside_mesh": outcome.outside_mesh,
             "clipped": r.clipped,
-            "mass": { "before": r.before.mass, "after": r.after.mass },
+            "mass": { "before": r.mass_before, "after": r.mass_after },
             "ms": { "resample": r.ms, "total": outcome.ms },
         }),
         text,

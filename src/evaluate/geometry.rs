@@ -17,6 +17,7 @@ use crate::math::{BackwardMap, OrientedBox, PlaneFrame};
 use crate::render::{Camera, Projection, SliceGeometry, SliceVertex};
 use crate::slice::{Planes, Slicer, Slices, box_section};
 use crate::subdivide::{NextSlice, Refiner, Rule, Smallest, Supports, Texturing, corners};
+use crate::tessellate::regions::Cutter;
 use crate::tessellate::{Method, Outlines, Tessellator, Triangulation};
 
 /// When triangles inside displacement volumes are fine enough.
@@ -73,13 +74,14 @@ pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Re
     for (k, _) in cuts.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
         owner[sections.plane_loops(k)].fill(Slices::NONE);
     }
-    let outlines = Outlines {
+    let all = Outlines {
         points: &sections.points,
         loop_start: &sections.loop_start,
         plane_start: &sections.plane_start,
         area: &sections.area,
-        owner: &owner,
+        owner: &sections.owner,
     };
+    let outlines = Outlines { owner: &owner, ..all };
     let mut tessellator = Tessellator::default();
     let maker = Maker {
         planes,
@@ -87,6 +89,7 @@ pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Re
         center,
         texture_from_world: grid.texture_from_world(),
         sections,
+        all: &all,
         outlines: &outlines,
         plain: tessellator.run(&outlines, Method::Fast),
         cuts: &cuts,
@@ -176,6 +179,9 @@ struct Maker<'a> {
     center: DVec3,
     texture_from_world: DAffine3,
     sections: &'a Slices,
+    /// The sections of all planes.
+    all: &'a Outlines<'a>,
+    /// Those of the planes without cuts.
     outlines: &'a Outlines<'a>,
     /// The triangles of the planes without cuts.
     plain: &'a Triangulation,
@@ -192,6 +198,7 @@ struct Maker<'a> {
 /// Buffers of one thread.
 #[derive(Default)]
 struct Scratch {
+    cutter: Cutter,
     refiner: Refiner,
     /// Vertex of each extra point of a triangulation, for the plane at hand.
     extra: HashMap<u32, u32>,
@@ -258,9 +265,10 @@ impl Maker<'_> {
 
     /// A plane that meets boxes.
     fn cut(&self, plane: &Plane, scratch: &mut Scratch, part: &mut Part) {
-        let regions = regions(self.sections, plane.k, &self.cuts[plane.k]);
+        let regions = scratch.cutter.cut(self.all, plane.k, &self.cuts[plane.k], Method::Fast);
         let base = part.vertices.len() as u32;
         self.affine(plane, &regions.outside.points, part);
+        self.affine(plane, &regions.outside.extra, part);
         part.indices.extend(regions.outside.triangles.iter().flatten().map(|i| i + base));
         let eye = self.camera.eye();
         let pixel = |p: DVec3| self.pixel * (p - eye).length();
@@ -271,7 +279,8 @@ impl Maker<'_> {
         };
         let lift = |q: &DVec2| self.planes.frame.lift(*q, plane.height);
         let inside = &regions.inside;
-        scratch.refiner.refine(inside.points.iter().map(lift), &inside.triangles, self.prepared, &self.supports, &rule);
+        let points = inside.points.iter().chain(&inside.extra).map(lift);
+        scratch.refiner.refine(points, &inside.triangles, self.prepared, &self.supports, &rule);
         let base = part.vertices.len() as u32;
         let texturing = Texturing::new(&self.texture_from_world, Some(plane.next), self.center);
         corners(scratch.refiner.positions(), &self.blocks, &texturing, true, |c| {
@@ -306,34 +315,4 @@ struct Plane {
     k: usize,
     height: f64,
     next: NextSlice,
-}
-#[derive(Default)]
-struct TmpMesh {
-    points: Vec<DVec2>,
-    triangles: Vec<[u32; 3]>,
-}
-struct TmpRegions {
-    outside: TmpMesh,
-    inside: TmpMesh,
-}
-fn regions(s: &Slices, k: usize, _cuts: &[Vec<DVec2>]) -> TmpRegions {
-    let loops = s.plane_loops(k);
-    let first = s.loop_start[loops.start];
-    let last = s.loop_start[loops.end];
-    let ls: Vec<u32> = s.loop_start[loops.start..=loops.end].iter().map(|v| v - first).collect();
-    let owner: Vec<u32> =
-        s.owner[loops.clone()].iter().map(|o| if *o == Slices::NONE { *o } else { o - loops.start as u32 }).collect();
-    let pts = s.points[first as usize..last as usize].to_vec();
-    let o = Outlines {
-        points: &pts,
-        loop_start: &ls,
-        plane_start: &[0, loops.len() as u32],
-        area: &s.area[loops.clone()],
-        owner: &owner,
-    };
-    let mut t = Tessellator::default();
-    let r = t.run(&o, Method::Fast).clone();
-    let mut points = pts.clone();
-    points.extend(r.extra.iter());
-    TmpRegions { outside: TmpMesh::default(), inside: TmpMesh { points, triangles: r.triangles } }
 }
