@@ -85,18 +85,29 @@ fn main() {
         projection: Projection::Perspective { fov_y: 18.75 },
     };
     let (w, h) = (512, 512);
+    let cpu = || {
+        let s = std::fs::read_to_string("/proc/self/stat").unwrap();
+        let f: Vec<&str> = s.rsplit(')').next().unwrap().split_whitespace().collect();
+        (f[11].parse::<f64>().unwrap() + f[12].parse::<f64>().unwrap()) * 10.0
+    };
+    let only = std::env::args().nth(1).unwrap_or_default();
     for pre in [false, true] {
         let table = Arc::new(ClassTable::build(&tf, 1.0, pre));
         r.set_table(&table);
         for lit in [false, true] {
+            if !only.contains(&format!("{}{}", pre as u8, lit as u8)) {
+                continue;
+            }
             let look = Look { lit, preintegrated: pre, ..Look::default() };
             let g = box_slices::box_slices(&field.grid, &cam, &Identity, 1.0, 0);
-            r.set_geometry(&g).unwrap();
+            let g = Arc::new(g);
+            r.set_geometry(&g);
             let frame = Frame::new(&cam, &look, &field, [0.0, 255.0], &g, w, h);
             let mut times = vec![];
-            for _ in 0..6 {
+            for _ in 0..4 {
+                let c = cpu();
                 let p = r.draw(&frame).unwrap();
-                times.push((r.timings().frame, r.timings().slicing));
+                times.push((r.timings().frame, cpu() - c));
                 save(&p, &format!("/tmp/gpu_{pre}_{lit}.png"));
             }
             println!("pre {pre} lit {lit} slices {} {:?}", g.slices.len(), times);

@@ -42,11 +42,6 @@ fn volume_main(in: Fragment) -> @location(0) vec4f {
     if any(in.front != saturate(in.front)) {
         discard;
     }
-    if CULL {
-        if !occupied(in.front) {
-            discard;
-        }
-    }
     let here = value(in.front);
     var behind = here;
     if PREINTEGRATED {
@@ -73,11 +68,6 @@ fn volume_main(in: Fragment) -> @location(0) vec4f {
 fn iso_main(in: Fragment) -> @location(0) vec4f {
     if any(in.front != saturate(in.front)) {
         discard;
-    }
-    if CULL {
-        if !occupied(in.front) {
-            discard;
-        }
     }
     let iso = frame.window.z;
     let here = value(in.front);

@@ -35,15 +35,15 @@ impl Deformer {
         }
     }
 
-    /// The size of the smallest feature of the field, in world units: a polynomial piece of its splines.
+    /// The size of the smallest feature of the field, in world units: a polynomial piece of its splines, the width of a slope.
     pub fn feature_size(&self) -> f64 {
         match self {
             Self::Displacement(d) => {
                 let e = d.extent();
-                // pieces of a bump are two thirds of its half-width; the rise has a half-width of a third of the length
-                (e.u.min(e.v) * 2.0 / 3.0).min(e.length / 9.0)
+                // every piece of a bump is two thirds of its half-width; that of the rise is a third of the length
+                e.u.min(e.v).min(e.length / 3.0) * 2.0 / 3.0
             }
-            Self::Grab(g) => g.radius() / 3.0,
+            Self::Grab(g) => g.radius() / g.falloff().steepest(),
             Self::Lattice(l) => l.step().min_element(),
         }
     }

@@ -8,9 +8,6 @@ use bytemuck::{Pod, Zeroable};
 pub struct ObjectUniform {
     /// 1 / texels along i, j, k.
     pub texel: [f32; 4],
-    /// Blocks of the occupancy texture per texture unit.
-    pub blocks: [f32; 4],
-    pub last_block: [f32; 4],
     /// Columns of the derivative of the texture coordinate by world position, each padded.
     pub jacobian: [[f32; 4]; 3],
 }

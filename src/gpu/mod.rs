@@ -1,9 +1,9 @@
 //! L3: drawing and resampling on the GPU, off screen.
 
+mod cull;
 mod device;
 mod error;
 pub mod layout;
-mod occupancy;
 mod renderer;
 mod resolve;
 pub mod shader;

@@ -44,8 +44,6 @@ pub struct Variant {
     pub rgba: bool,
     /// The Jacobian is the same everywhere: nothing is deformed.
     pub affine: bool,
-    /// Leave out fragments where the occupancy texture says that nothing can be seen.
-    pub cull: bool,
 }
 
 impl Variant {
@@ -60,7 +58,6 @@ impl Variant {
             ("PERSPECTIVE", self.perspective),
             ("RGBA", self.rgba),
             ("AFFINE", self.affine),
-            ("CULL", self.cull),
         ] {
             // writing to a string cannot fail
             let _ = writeln!(source, "const {name}: bool = {on};");
@@ -70,15 +67,14 @@ impl Variant {
 
     /// Every variant, for the test that validates them.
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..Mode::ALL.len() << 7).map(|i| Self {
-            mode: Mode::ALL[i >> 7],
+        (0..Mode::ALL.len() << 6).map(|i| Self {
+            mode: Mode::ALL[i >> 6],
             lit: i & 1 != 0,
             preintegrated: i & 2 != 0,
             forward: i & 4 != 0,
             perspective: i & 8 != 0,
             rgba: i & 16 != 0,
             affine: i & 32 != 0,
-            cull: i & 64 != 0,
         })
     }
 }

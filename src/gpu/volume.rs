@@ -41,7 +41,6 @@ fn format(texels: TexelSlice<'_>, channels: usize, can: Capabilities) -> (wgpu::
 #[derive(Debug)]
 pub struct VolumeTexture {
     pub(crate) view: wgpu::TextureView,
-    pub(crate) dims: [u32; 3],
 }
 
 impl VolumeTexture {
@@ -94,7 +93,7 @@ impl VolumeTexture {
             gpu.queue.submit([]);
             gpu.wait()?;
         }
-        Ok(Self { view: texture.create_view(&wgpu::TextureViewDescriptor::default()), dims })
+        Ok(Self { view: texture.create_view(&wgpu::TextureViewDescriptor::default()) })
     }
 }
 

@@ -161,6 +161,12 @@ pub(super) fn open(path: &Path) -> Result<(File, u64), IoError> {
 
 /// The data file a header names, which must be a file other than the header.
 pub(super) fn detached(header: &Path, name: &str) -> Result<PathBuf, IoError> {
+    if name.is_empty() || name.contains(char::is_control) {
+        return Err(IoError::malformed(
+            header,
+            format!("names {} as its data file; it must name the file that holds the samples", quote(name)),
+        ));
+    }
     let path = header.parent().unwrap_or(Path::new("")).join(name);
     let meta =
         fs::metadata(&path).map_err(|e| IoError::system(&path, "open the data file that its header names", e))?;
@@ -466,11 +472,12 @@ pub(super) fn little_endian(samples: &Samples) -> std::borrow::Cow<'_, [u8]> {
 
 /// Writes numbers in text, `row` of them on a line. They read back to the same value (of NaNs, only that they are).
 pub(super) fn write_text(w: &mut dyn Write, samples: &Samples, row: usize) -> io::Result<()> {
-    fn rows<T: Scalar + std::fmt::Display>(w: &mut dyn Write, v: &[T], row: usize) -> io::Result<()> {
+    fn rows<T: Scalar>(w: &mut dyn Write, v: &[T], row: usize) -> io::Result<()> {
         for line in v.chunks(row) {
             for (i, x) in line.iter().enumerate() {
                 let gap = if i == 0 { "" } else { " " };
-                write!(w, "{gap}{x}")?;
+                // unlike `{}`, not hundreds of digits for large and small numbers
+                write!(w, "{gap}{x:?}")?;
             }
             writeln!(w)?;
         }

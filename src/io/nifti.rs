@@ -236,7 +236,7 @@ fn frame(path: &Path, header: &Header) -> Result<(DMat3, DVec3, Space), IoError>
     for i in usize::try_from(header.i16(40)).unwrap_or(3)..3 {
         spacing[i] = 1.0;
     }
-    if !(spacing.min_element() > 0.0) {
+    if !spacing.cmpgt(DVec3::ZERO).all() {
         return Err(IoError::malformed(
             path,
             format!("its voxel size is {} x {} x {}; each must be above 0", spacing.x, spacing.y, spacing.z),

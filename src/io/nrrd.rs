@@ -60,7 +60,13 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
                 // a free pair may come twice; the first counts
                 let _ = pairs.add(&line[..at], &line[at + 2..]);
             }
-            (_, Some(at)) => fields.add(&line[..at], &line[at + 1..])?,
+            (_, Some(at)) => {
+                fields.add(&line[..at], &line[at + 1..])?;
+                if fields.get("data file").is_some_and(|name| name.to_ascii_lowercase().starts_with("list")) {
+                    // what follows is no header any more; a list is refused below
+                    break;
+                }
+            }
             _ => {
                 return Err(fields.wrong(format!(
                     "has the line {} in its header, which is not 'field: value'; an empty line must come before the data",
@@ -140,6 +146,14 @@ fn axes(fields: &Fields) -> Result<Axes, IoError> {
         let stride = stride.ok_or_else(|| fields.bad("sizes", fields.get("sizes").unwrap_or_default(), "smaller"))?;
         let dims = std::array::from_fn(|i| sizes[spatial[i]]);
         return Ok(Axes { dims, spatial, count, channels, stride });
+    }
+    let colors = ["color", "vector", "normal", "gradient", "complex", "quaternion", "matrix"];
+    if let Some(kinds) = fields.get("kinds").map(str::to_ascii_lowercase)
+        && colors.iter().any(|c| kinds.contains(c))
+    {
+        return Err(
+            fields.unsupported(format!("has only 2 axes in space ('kinds' is {}); a volume needs 3", quote(&kinds)))
+        );
     }
     Ok(Axes { dims: [sizes[0], sizes[1], sizes[2]], spatial, count, channels: 1, stride: 1 })
 }

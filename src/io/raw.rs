@@ -117,7 +117,7 @@ impl<'a> Description<'a> {
         let sizes: [usize; 3] =
             sizes.and_then(|s| s.try_into().ok()).ok_or_else(|| self.bad("dims", dims, "a list of 3 whole numbers"))?;
         let spacing = self.vec3("spacing", DVec3::ONE)?;
-        if !(spacing.min_element() > 0.0) {
+        if !spacing.cmpgt(DVec3::ZERO).all() {
             let value = self.get("spacing").unwrap_or(&Value::Null);
             return Err(self.bad("spacing", value, "3 numbers above 0 (a mirrored axis belongs into 'direction')"));
         }

@@ -22,6 +22,11 @@ impl Aabb {
         self.lo.cmple(other.hi).all() && other.lo.cmple(self.hi).all()
     }
 
+    /// The point of the box nearest to `p`: `p` itself if inside.
+    pub fn nearest(&self, p: DVec3) -> DVec3 {
+        p.clamp(self.lo, self.hi)
+    }
+
     fn union(&self, other: &Self) -> Self {
         Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
     }
@@ -81,6 +86,38 @@ impl Bvh {
         self.build(start + middle, end);
     }
 
+    /// The point nearest to `p` in any box, if it is less than `reach` away (or `p` lies in a box).
+    pub fn nearest(&self, p: DVec3, reach: f64) -> Option<DVec3> {
+        let mut best = (reach * reach, None);
+        let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![0u32] };
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            let distance = |b: &Aabb| b.nearest(p).distance_squared(p);
+            let d = distance(&node.bounds);
+            if d >= best.0 && d > 0.0 {
+                continue;
+            }
+            if node.count == 0 {
+                let (left, right) = (at + 1, node.first);
+                let far_left =
+                    distance(&self.nodes[left as usize].bounds) > distance(&self.nodes[right as usize].bounds);
+                stack.extend(if far_left { [left, right] } else { [right, left] });
+                continue;
+            }
+            for &i in &self.items[node.first as usize..(node.first + node.count) as usize] {
+                let q = self.boxes[i as usize].nearest(p);
+                let d = q.distance_squared(p);
+                if d < best.0 || d == 0.0 {
+                    best = (d, Some(q));
+                    if d == 0.0 {
+                        return Some(q);
+                    }
+                }
+            }
+        }
+        best.1
+    }
+
     /// Calls `found` for every item whose box overlaps `query`, in no order.
     pub fn overlapping(&self, query: &Aabb, mut found: impl FnMut(u32)) {
         if self.nodes.is_empty() {
@@ -108,6 +145,26 @@ impl Bvh {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_nearest_point_is_that_of_a_full_search() {
+        let boxes: Vec<Aabb> = (0..200)
+            .map(|i| {
+                let lo = DVec3::new((i * 37 % 101) as f64, (i * 53 % 97) as f64, (i * 71 % 89) as f64);
+                Aabb { lo, hi: lo + DVec3::new((i % 3) as f64, 1.0, (i % 5) as f64) }
+            })
+            .collect();
+        let tree = Bvh::new(boxes.clone());
+        for i in 0..300 {
+            let p =
+                DVec3::new((i * 29 % 120) as f64 - 10.0, (i * 31 % 117) as f64 - 10.0, (i * 41 % 113) as f64 - 10.0);
+            let full = boxes.iter().map(|b| b.nearest(p).distance(p)).fold(f64::INFINITY, f64::min);
+            let found = tree.nearest(p, f64::INFINITY).map(|q| q.distance(p));
+            assert_eq!(found, Some(full));
+            assert_eq!(tree.nearest(p, full * 0.999).is_some(), full == 0.0);
+        }
+        assert_eq!(Bvh::new(Vec::new()).nearest(DVec3::ZERO, f64::INFINITY), None);
+    }
 
     #[test]
     fn finds_what_a_full_search_finds() {

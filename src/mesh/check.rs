@@ -346,7 +346,7 @@ fn duplicates(triangles: &[[u32; 3]]) -> Vec<u32> {
 }
 
 /// The triangles, in order, that meet another one which is not their neighbour. `flat` ones are passed over.
-fn self_intersecting(mesh: &TriMesh, flat: &[bool]) -> Vec<u32> {
+pub(super) fn self_intersecting(mesh: &TriMesh, flat: &[bool]) -> Vec<u32> {
     let corners = |t: u32| mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
     let tree = Bvh::new((0..mesh.triangles.len() as u32).map(|t| Aabb::around(&corners(t))).collect());
     (0..mesh.triangles.len() as u32)

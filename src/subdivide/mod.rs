@@ -27,6 +27,7 @@
 
 mod edges;
 mod emit;
+mod pattern;
 mod refine;
 mod supports;
 

@@ -2,6 +2,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::Supports;
 use super::edges::EdgeTable;
+use super::pattern::{self, Pattern};
 use crate::math::BackwardMap;
 
 /// When an edge of the slice's triangles is split.
@@ -26,6 +27,15 @@ pub enum Smallest<'a> {
     At(&'a (dyn Fn(DVec3) -> f64 + Sync)),
 }
 
+impl Smallest<'_> {
+    fn at(&self, p: DVec3) -> f64 {
+        match self {
+            Self::Length(l) => *l,
+            Self::At(f) => f(p),
+        }
+    }
+}
+
 impl Rule<'_> {
     /// Every displaced edge is split `depth` times.
     pub fn uniform(depth: u32) -> Self {
@@ -48,7 +58,7 @@ const NONE: u32 = u32::MAX;
 struct Edge {
     a: u32,
     b: u32,
-    /// Vertex in the middle, or `NONE`.
+    /// Vertex in the middle, or `NONE`. While patterns are laid, the first of all vertices between the ends.
     mid: u32,
     /// The edge a-mid; mid-b is the next. Only if there is a middle.
     child: u32,
@@ -72,6 +82,8 @@ pub struct Refiner {
     faces: Vec<Face>,
     next: Vec<Face>,
     table: EdgeTable,
+    /// By depth, made when first asked for.
+    patterns: [Option<Pattern>; pattern::DEEPEST as usize + 1],
 }
 
 impl Refiner {
@@ -105,11 +117,14 @@ impl Refiner {
             self.triangles.extend_from_slice(triangles);
             return;
         }
+        self.connect(triangles);
+        let mut fresh = 0;
+        if rule.tolerance.is_none() && self.split_by_pattern(supports, rule) {
+            fresh = self.edges.len();
+        }
         if rule.tolerance.is_some() {
             self.images.extend(self.positions.iter().map(|p| map.backward_with_jacobian(*p)));
         }
-        self.connect(triangles);
-        let mut fresh = 0;
         for _ in 0..rule.depth {
             let end = self.edges.len();
             for i in fresh..end {
@@ -142,18 +157,106 @@ impl Refiner {
         }
     }
 
+    /// Splits every displaced edge into all its parts at once, and the triangles all of whose edges are displaced by a pattern.
+    /// What is left are triangles with displaced and undisplaced edges; those go through the levels. False, with nothing
+    /// done, if that cannot be: the pattern would be too large, or some parts would be too small.
+    fn split_by_pattern(&mut self, supports: &Supports, rule: &Rule) -> bool {
+        if rule.depth > pattern::DEEPEST {
+            return false;
+        }
+        let parts = 1_u32 << rule.depth;
+        let limited = !matches!(rule.smallest, Smallest::Length(l) if l <= 0.0);
+        for i in 0..self.edges.len() {
+            let Edge { a, b, .. } = self.edges[i];
+            let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+            let length = p.distance(q);
+            let splittable = length > 0.0;
+            if !splittable || !supports.touches_segment(p, q) {
+                continue;
+            }
+            if limited {
+                let smallest = [p, 0.5 * (p + q), q].map(|x| rule.smallest.at(x)).into_iter().fold(0.0, f64::max);
+                // the last split is of parts twice as long as those that are left
+                if length * 2.0 / f64::from(parts) <= smallest {
+                    self.edges.iter_mut().for_each(|e| e.mid = NONE);
+                    return false;
+                }
+            }
+            // marked; numbered below
+            self.edges[i].mid = 0;
+        }
+        let pattern = self.patterns[rule.depth as usize].get_or_insert_with(|| Pattern::new(rule.depth));
+        let between = parts - 1;
+        let share = 1.0 / f64::from(parts);
+        for edge in self.edges.iter_mut().filter(|e| e.mid != NONE) {
+            let (p, q) = (self.positions[edge.a as usize], self.positions[edge.b as usize]);
+            // the first of its points
+            edge.mid = self.positions.len() as u32;
+            self.positions.extend((1..parts).map(|s| {
+                let t = f64::from(s) * share;
+                p * (1.0 - t) + q * t
+            }));
+        }
+        self.next.clear();
+        let mut numbers = [0_u32; pattern::VERTICES];
+        for face in &self.faces {
+            let edges = face.e.map(|e| self.edges[e as usize]);
+            if edges.iter().any(|e| e.mid == NONE) {
+                self.next.push(*face);
+                continue;
+            }
+            numbers[..3].copy_from_slice(&face.v);
+            let (sides, inside) = numbers[3..].split_at_mut(3 * between as usize);
+            for ((slots, edge), from) in sides.chunks_exact_mut(between as usize).zip(edges).zip(face.v) {
+                if edge.a == from {
+                    slots.iter_mut().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
+                } else {
+                    slots.iter_mut().rev().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
+                }
+            }
+            let first = self.positions.len() as u32;
+            let [a, b, c] = face.v.map(|i| self.positions[i as usize]);
+            self.positions.extend(pattern.inside.iter().map(|w| a * w[0] + b * w[1] + c * w[2]));
+            inside.iter_mut().zip(first..first + pattern.inside.len() as u32).for_each(|(slot, m)| *slot = m);
+            let numbers = &numbers;
+            self.triangles
+                .extend(pattern.triangles.iter().map(|t| t.map(|i| numbers[i as usize & (pattern::VERTICES - 1)])));
+        }
+        std::mem::swap(&mut self.faces, &mut self.next);
+        for n in 0..self.faces.len() {
+            for e in self.faces[n].e {
+                let Edge { mid, child, .. } = self.edges[e as usize];
+                if mid != NONE && child == NONE {
+                    self.halve(e, mid, between);
+                }
+            }
+        }
+        true
+    }
+
+    /// Makes the halves of an edge, and theirs, of `count` points that follow each other from `first` on.
+    fn halve(&mut self, edge: u32, first: u32, count: u32) {
+        let Edge { a, b, .. } = self.edges[edge as usize];
+        let half = count / 2;
+        let mid = first + half;
+        let child = self.edges.len() as u32;
+        self.edges.push(Edge { a, b: mid, mid: NONE, child: NONE });
+        self.edges.push(Edge { a: mid, b, mid: NONE, child: NONE });
+        (self.edges[edge as usize].mid, self.edges[edge as usize].child) = (mid, child);
+        if half > 0 {
+            self.halve(child, first, half);
+            self.halve(child + 1, mid + 1, half);
+        }
+    }
+
     /// Splits edge `i` if the rule says so; its halves are decided upon at the next level.
     fn decide<M: BackwardMap + ?Sized>(&mut self, i: usize, map: &M, supports: &Supports, rule: &Rule) {
         let Edge { a, b, .. } = self.edges[i];
         let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
         let mid = 0.5 * (p + q);
         let length = p.distance(q);
-        let smallest = match rule.smallest {
-            Smallest::Length(l) => l,
-            Smallest::At(f) => f(mid),
-        };
         // also for NaN
-        let splittable = length > smallest && length > 0.0;
+        let splittable = length > rule.smallest.at(mid) && length > 0.0;
         if !splittable || !supports.touches_segment(p, q) {
             return;
         }
@@ -203,8 +306,11 @@ impl Refiner {
                 }
                 [false, false, false] => {
                     let corners = face.v.map(|i| self.positions[i as usize]);
-                    if supports.hidden_in_triangle(corners) {
-                        self.split_at_centroid(face, corners, map, rule);
+                    let [a, b, c] = corners;
+                    let centroid = (a + b + c) / 3.0;
+                    let size = a.distance(b).max(b.distance(c)).max(c.distance(a));
+                    if supports.hidden_in_triangle(corners) && size > rule.smallest.at(centroid) {
+                        self.split_at_centroid(face, centroid, map, rule);
                     } else {
                         self.triangles.push(face.v);
                     }
@@ -256,10 +362,9 @@ impl Refiner {
     }
 
     /// A displaced region that no side touches: its edges to the centroid will.
-    fn split_at_centroid<M: BackwardMap + ?Sized>(&mut self, face: Face, corners: [DVec3; 3], map: &M, rule: &Rule) {
+    fn split_at_centroid<M: BackwardMap + ?Sized>(&mut self, face: Face, p: DVec3, map: &M, rule: &Rule) {
         let Face { v, e } = face;
         let m = self.positions.len() as u32;
-        let p = (corners[0] + corners[1] + corners[2]) / 3.0;
         self.positions.push(p);
         if rule.tolerance.is_some() {
             self.images.push(map.backward_with_jacobian(p));

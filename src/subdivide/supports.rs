@@ -58,10 +58,13 @@ impl Supports {
         self.boxes.iter().any(|s| !s.apart(lower, upper) && s.cuts(a, b))
     }
 
-    /// Whether the plane section of a box lies within the triangle without touching its sides; then no edge tells of it.
+    /// Whether the plane section of a box lies within the triangle and crosses none of its sides; then no edge tells of it.
     pub fn hidden_in_triangle(&self, t: [DVec3; 3]) -> bool {
         let (lower, upper) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
-        self.boxes.iter().any(|s| !s.apart(lower, upper) && s.section_in(t))
+        self.boxes.iter().any(|s| {
+            let touches = || (0..3).any(|i| s.cuts(t[i], t[(i + 1) % 3]));
+            !s.apart(lower, upper) && s.section_in(t) && !touches()
+        })
     }
 }
 
@@ -91,7 +94,8 @@ impl Support {
         from < to
     }
 
-    /// A place where an edge of the box meets the triangle's plane stands for the whole section, which is convex.
+    /// Whether the middle of the places where edges of the box meet the triangle's plane, a point inside the section, lies in
+    /// the triangle. The section may reach up to a side and along it.
     fn section_in(&self, [a, b, c]: [DVec3; 3]) -> bool {
         let normal = (b - a).cross(c - a);
         let corners = self.shape.corners();
@@ -100,15 +104,15 @@ impl Support {
             let side = |u: DVec3, v: DVec3| normal.dot((v - u).cross(p - u)) > 0.0;
             side(a, b) && side(b, c) && side(c, a)
         };
+        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
         for i in 0..8 {
-            for bit in [1, 2, 4] {
-                let j = i | bit;
-                if j == i || (height[i] < 0.0) == (height[j] < 0.0) {
-                    continue;
+            for j in [1, 2, 4].map(|bit| i | bit) {
+                if (height[i] < 0.0) != (height[j] < 0.0) {
+                    sum += corners[i].lerp(corners[j], height[i] / (height[i] - height[j]));
+                    count += 1.0;
                 }
-                return inside(corners[i].lerp(corners[j], height[i] / (height[i] - height[j])));
             }
         }
-        false
+        count > 0.0 && inside(sum / count)
     }
 }
