@@ -50,8 +50,8 @@ pub struct Carp {
 impl Carp {
     pub fn new() -> Self {
         let fins = Shape::new(2.0)
-            .pair(0.0, turned_ellipsoid(v(29.0, -74.0, -36.0), v(1.7, 22.0, 10.0), turn(-28.0, 0.0, -38.0)))
-            .pair(0.0, turned_ellipsoid(v(17.0, -4.0, -54.0), v(1.6, 19.0, 9.0), turn(-26.0, 24.0, -14.0)));
+            .pair(0.0, turned_ellipsoid(v(29.0, -74.0, -36.0), v(2.0, 22.0, 10.0), turn(-28.0, 0.0, -38.0)))
+            .pair(0.0, turned_ellipsoid(v(17.0, -4.0, -54.0), v(1.9, 19.0, 9.0), turn(-26.0, 24.0, -14.0)));
         let bladder = Shape::new(3.0)
             .add(0.0, ellipsoid(v(0.0, -34.0, 9.0), v(12.0, 25.0, 13.0)))
             .add(4.0, ellipsoid(v(0.0, 16.0, 12.0), v(10.0, 31.0, 10.5)));
@@ -83,7 +83,7 @@ impl Carp {
         for i in 0..3 {
             bones = bones.pair(0.5, ball(v(4.0, -90.0 + 4.0 * i as f32, -14.0), 2.1));
         }
-        let eyes = Shape::new(3.0).pair(0.0, ellipsoid(v(16.5, -131.0, 5.0), v(5.0, 7.0, 7.0)));
+        let eyes = Shape::new(3.0).pair(0.0, ellipsoid(v(14.5, -131.0, 5.0), v(5.6, 6.6, 6.6)));
         // lips and barbels
         let trim = Shape::new(3.0)
             .pair(0.0, cone(v(0.0, -160.0, -6.0), v(8.0, -152.0, -9.0), 3.2, 2.2))
@@ -226,9 +226,12 @@ impl Model for Carp {
         let cover_edge = ((p.y + 108.0).powi(2) + (0.8 * (p.z + 4.0)).powi(2)).sqrt() - 27.0;
         let groove = if p.y > -110.0 && p.x.abs() > 9.0 { 1.8 * step(2.0, 0.4, cover_edge.abs()) } else { 0.0 };
         let mouth = 1.6 * step(1.8, 0.4, (p.z + 9.5).abs()) * step(-146.0, -150.0, p.y);
-        let skin = smin(body + groove + mouth, at.d(TRIM, p), 2.0);
+        let eye = ((p.y + 131.0).powi(2) + (p.z - 5.0).powi(2)).sqrt();
+        let rim = if p.x.abs() > 8.0 { 1.3 * step(1.6, 0.3, (eye - 7.6).abs()) } else { 0.0 };
+        let skin = smin(body + groove + mouth + rim, at.d(TRIM, p).min(at.d(EYES, p)), 1.2);
         let (fin, rays) = sheet(p, &here);
-        let thick = 0.85 + 0.25 * (rays * 2.4).sin() + 0.04 * (-here.body).max(0.0);
+        // never so thin that the grid could miss them
+        let thick = 0.85f32.max(0.9 * h) + 0.25 * (rays * 2.4).sin() + 0.04 * (-here.body).max(0.0);
         let fin = smax(fin, p.x.abs() - thick, 1.0).min(at.d(FINS, p));
         if skin > wide && fin > wide {
             return 0.0;
@@ -245,11 +248,10 @@ impl Model for Carp {
             x = mix(x, 700.0 + 150.0 * (p.y * 2.2 + p.z).sin() + 60.0 * noise(p * 0.4), cover(gills, w));
             x = mix(x, 20.0, cover(at.d(BLADDER, p), w));
             x = mix(x, 1110.0, cover(at.d(EYES, p), w));
-            let lens = ball(v(19.0, -131.5, 5.0), 2.8).distance(v(p.x.abs(), p.y, p.z));
+            let lens = ball(v(17.0, -131.5, 5.0), 2.4).distance(v(p.x.abs(), p.y, p.z));
             x = mix(x, 1500.0, cover(lens, w));
             let mut bone = skeleton(p, &here).min(at.d(HEADBONES, p));
             // plates under the skin of the head: gill cover, cheek, with a window for the eye
-            let eye = ((p.y + 131.0).powi(2) + (p.z - 5.0).powi(2)).sqrt();
             let plate = ((here.body + 3.4).abs() - 1.1).max(cover_edge + 1.2).max(-146.0 - p.y).max(9.0 - eye).max(4.0 - p.x.abs());
             bone = bone.min(plate);
             x = mix(x, BONE + 300.0 * step(-1.0, -3.0, bone), cover(bone, w));

@@ -22,6 +22,7 @@ const KIDNEYS: usize = 10;
 const SPLEEN: usize = 11;
 const BELLY: usize = 12;
 const GAS: usize = 13;
+const WINDPIPE: usize = 14;
 
 const AIR: f32 = -1000.0;
 
@@ -75,7 +76,7 @@ impl Torso {
             // caval veins
             .chain(2.0, false, &[(v(-24.0, -26.0, 40.0), 8.5), (v(-26.0, -22.0, 120.0), 8.5)])
             .chain(2.0, false, &[(v(-18.0, -12.0, 0.0), 9.0), (v(-18.0, 8.0, -60.0), 9.5), (v(-16.0, 22.0, -205.0), 10.0)]);
-        let shapes = vec![
+        let mut shapes = vec![
             skin(),
             bones,
             cartilage,
@@ -102,6 +103,7 @@ impl Torso {
                 .add(0.0, ellipsoid(v(52.0, -42.0, -84.0), v(20.0, 14.0, 17.0)))
                 .chain(2.0, false, &[(v(86.0, -30.0, -130.0), 9.0), (v(40.0, -48.0, -142.0), 10.0), (v(-20.0, -50.0, -150.0), 9.0), (v(-80.0, -34.0, -140.0), 11.0)]),
         ];
+        shapes.push(windpipe());
         Self { shapes }
     }
 }
@@ -121,6 +123,7 @@ fn skin() -> Shape {
         .pair(36.0, cone(v(96.0, 10.0, 128.0), v(158.0, 6.0, 128.0), 38.0, 42.0))
         .pair(26.0, cone(v(164.0, 6.0, 122.0), v(180.0, 6.0, 44.0), 41.0, 37.0))
         .pair(30.0, ellipsoid(v(96.0, 34.0, 40.0), v(42.0, 56.0, 100.0)))
+        .pair(30.0, ellipsoid(v(74.0, 40.0, 104.0), v(58.0, 52.0, 64.0)))
         .pair(22.0, turned_ellipsoid(v(62.0, -78.0, 86.0), v(62.0, 26.0, 44.0), turn(-8.0, 0.0, 18.0)))
         .pair(14.0, cone(v(16.0, -70.0, 161.0), v(58.0, -68.0, 170.0), 8.0, 8.0))
         .pair(16.0, cone(v(58.0, -68.0, 170.0), v(128.0, -16.0, 168.0), 8.0, 9.0));
@@ -130,13 +133,12 @@ fn skin() -> Shape {
         s = s.pair(12.0, ellipsoid(v(27.0, y, z), v(25.0, 16.0, 24.0)));
     }
     let s = s
-        .cut(20.0, rod(v(0.0, -116.0, 130.0), v(0.0, -114.0, 30.0), 6.0))
+        .cut(20.0, rod(v(0.0, -119.0, 130.0), v(0.0, -118.0, 30.0), 6.0))
         .cut(16.0, rod(v(0.0, -110.0, 20.0), v(0.0, -94.0, -170.0), 4.0))
         .cut(8.0, ball(v(0.0, -88.0, -140.0), 5.0))
         .cut(30.0, rod(v(0.0, 122.0, 150.0), v(0.0, 104.0, -160.0), 10.0))
         .cut(14.0, ball(v(0.0, -84.0, 176.0), 9.0));
-    // arms end in a cut of their own
-    cut(s, 4.0).keep(4.0, Solid::Half { n: v(0.0, 0.0, -1.0), d: 192.0 })
+    cut(s, 4.0)
 }
 
 /// The middle of the vertebral body at height `z`.
@@ -173,7 +175,7 @@ fn rib(i: usize) -> (Vec<(Vec3, f32)>, Vec<(Vec3, f32)>) {
     if i < 10 {
         // the false ribs join the seventh
         let z = [128.0f32, 108.0, 88.0, 68.0, 50.0, 34.0, 22.0, 8.0, -6.0, -20.0][i];
-        let join = v([13.0, 13.0, 13.0, 13.0, 13.0, 12.0, 11.0, 24.0, 40.0, 56.0][i], -88.0 + 0.08 * (z - 60.0).abs() + [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 4.0, 8.0][i], z);
+        let join = v([13.0, 13.0, 13.0, 13.0, 13.0, 12.0, 11.0, 24.0, 40.0, 56.0][i], -82.0 + 0.08 * (z - 60.0).abs() + [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 4.0, 8.0][i], z);
         front = vec![(tip, 5.2), (0.5 * (tip + join) + v(0.0, -4.0, -5.0), 4.8), (join, 4.6)];
     }
     (bone, front)
@@ -182,9 +184,9 @@ fn rib(i: usize) -> (Vec<(Vec3, f32)>, Vec<(Vec3, f32)>) {
 fn bones() -> (Shape, Shape) {
     let mut s = Shape::new(9.0)
         // breastbone
-        .add(0.0, turned_cuboid(v(0.0, -82.0, 140.0), v(21.0, 5.0, 22.0), 4.5, turn(-12.0, 0.0, 0.0)))
-        .add(5.0, cuboid(v(0.0, -88.0, 70.0), v(13.0, 4.6, 50.0), 4.4))
-        .add(4.0, cone(v(0.0, -88.0, 22.0), v(0.0, -86.0, 6.0), 5.0, 2.5));
+        .add(0.0, turned_cuboid(v(0.0, -76.0, 140.0), v(21.0, 5.0, 22.0), 4.5, turn(-12.0, 0.0, 0.0)))
+        .add(5.0, cuboid(v(0.0, -82.0, 70.0), v(13.0, 4.6, 50.0), 4.4))
+        .add(4.0, cone(v(0.0, -82.0, 22.0), v(0.0, -80.0, 6.0), 5.0, 2.5));
     let mut cartilage = Shape::new(3.0);
     for i in 0..16 {
         let z = 186.0 - 24.6 * i as f32;
@@ -209,36 +211,42 @@ fn bones() -> (Shape, Shape) {
         // collar bones
         .chain(2.0, true, &[(v(15.0, -80.0, 157.0), 7.5), (v(46.0, -80.0, 166.0), 6.0), (v(92.0, -44.0, 173.0), 6.0), (v(138.0, -8.0, 168.0), 7.0)])
         // shoulder blades
-        .pair(3.0, turned_cuboid(v(86.0, 83.0, 92.0), v(36.0, 2.6, 52.0), 2.4, turn(10.0, -14.0, -24.0)))
-        .chain(3.0, true, &[(v(60.0, 92.0, 118.0), 4.0), (v(110.0, 76.0, 142.0), 6.0), (v(146.0, 26.0, 168.0), 6.5), (v(142.0, 2.0, 168.0), 6.0)])
+        .pair(3.0, turned_cuboid(v(84.0, 73.0, 92.0), v(36.0, 2.6, 52.0), 2.4, turn(10.0, -14.0, -24.0)))
+        .chain(3.0, true, &[(v(60.0, 80.0, 118.0), 4.0), (v(110.0, 66.0, 142.0), 6.0), (v(146.0, 26.0, 168.0), 6.5), (v(142.0, 2.0, 168.0), 6.0)])
         .pair(4.0, cone(v(112.0, 58.0, 124.0), v(132.0, 22.0, 132.0), 8.0, 13.0))
         .pair(2.0, cone(v(126.0, 16.0, 148.0), v(122.0, -16.0, 146.0), 6.0, 5.0))
         // upper arms
         .pair(1.0, ball(v(156.0, 8.0, 132.0), 23.0))
-        .pair(8.0, cone(v(164.0, 8.0, 120.0), v(180.0, 6.0, -40.0), 15.0, 12.0));
+        .pair(8.0, cone(v(164.0, 8.0, 120.0), v(178.0, 6.0, 32.0), 15.0, 12.5));
     // canal
     for i in 0..8 {
         let (a, b) = (186.0 - 49.2 * i as f32 + 25.0, 186.0 - 49.2 * (i + 1) as f32 + 25.0);
         s = s.cut(1.5, rod(spine_at(a) + v(0.0, 24.0, 0.0), spine_at(b) + v(0.0, 24.0, 0.0), 8.5));
     }
-    // the marrow of the upper arms is left to the texture
     (cut(s, 1.0), cartilage)
 }
 
 /// Bronchi and vessels: trees that branch until they are thin.
 fn trees() -> (Shape, Shape) {
-    let fork = v(0.0, 14.0, 92.0);
-    let mut air = Shape::new(3.0).add(0.0, cone(v(0.0, 4.0, 240.0), fork, 9.5, 9.0));
+    let mut air = Shape::new(3.0);
     let mut blood = Shape::new(3.0);
     for side in [1.0f32, -1.0] {
-        let hilum = v(side * 42.0, 16.0, 62.0);
-        air = air.add(2.0, cone(fork, hilum, 7.8, 6.2));
+        let hilum = v(side * HILUM.x, HILUM.y, HILUM.z);
         let seeds = [(v(side * 0.45, -0.25, 0.85), 5.0), (v(side * 0.7, -0.6, -0.15), 4.6), (v(side * 0.5, 0.35, -0.8), 5.4)];
         for (n, (dir, r)) in seeds.into_iter().enumerate() {
             grow(&mut air, &mut blood, hilum, dir.normalize(), r, 5, (n as i32 + 1) * if side > 0.0 { 101 } else { 211 });
         }
     }
-    (cut(air, 1.0), blood)
+    (air, blood)
+}
+
+/// Where the main bronchus enters the left lung.
+const HILUM: Vec3 = Vec3::new(42.0, 16.0, 62.0);
+
+fn windpipe() -> Shape {
+    let fork = v(0.0, 14.0, 92.0);
+    let s = Shape::new(3.0).add(0.0, cone(v(0.0, 4.0, 240.0), fork, 9.5, 9.0)).pair(2.0, cone(fork, HILUM, 7.8, 6.0));
+    cut(s, 1.0)
 }
 
 fn grow(air: &mut Shape, blood: &mut Shape, from: Vec3, dir: Vec3, r: f32, left: usize, seed: i32) {
@@ -294,15 +302,15 @@ impl Model for Torso {
             }
             x = mix(x, 210.0, cover(at.d(CHAMBERS, p), w));
             x = mix(x, 230.0, cover(at.d(AORTA, p), w));
-            let airway = at.d(AIRWAYS, p);
-            // walls as thick as a third of a small branch
+            // branches stay in the lungs
+            let airway = at.d(AIRWAYS, p).max(lung + 2.5).min(at.d(WINDPIPE, p));
             x = mix(x, 20.0, cover(airway - 1.3, w));
             x = mix(x, AIR, cover(airway, w));
             x = mix(x, -900.0, cover(at.d(GAS, p), w));
         }
         let cartilage = at.d(CARTILAGE, p);
         if cartilage < w {
-            x = mix(x, 125.0, cover(cartilage, w));
+            x = mix(x, 150.0, cover(cartilage, w));
         }
         let bone = at.d(BONES, p);
         if bone < wide {
