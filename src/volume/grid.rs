@@ -62,6 +62,18 @@ impl Grid {
         Self::new(dims, DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), origin), Space::Unknown)
     }
 
+    /// The same grid with its coordinates in another space. Between RAS and LPS the first two world axes turn round; from or
+    /// to [`Space::Unknown`] only the tag changes, because nothing is known about the coordinates.
+    pub fn in_space(&self, space: Space) -> Self {
+        let turned = matches!((self.space, space), (Space::Ras, Space::Lps) | (Space::Lps, Space::Ras));
+        let mut frame = self.world_from_voxel;
+        if turned {
+            let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0));
+            frame = DAffine3::from_mat3_translation(half_turn * frame.matrix3, half_turn * frame.translation);
+        }
+        Self { world_from_voxel: frame, space, ..*self }
+    }
+
     /// Number of voxels.
     pub fn len(&self) -> usize {
         self.dims[0] * self.dims[1] * self.dims[2]
