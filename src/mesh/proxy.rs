@@ -100,7 +100,7 @@ pub fn enclose(
     }
     let m = world_from_voxel.matrix3;
     let spacing = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
-    if !world_from_voxel.is_finite() || !(m.determinant().abs() > 0.0) {
+    if !world_from_voxel.is_finite() || m.determinant() == 0.0 {
         return Err(ProxyError::Singular);
     }
     let frame = Frame { dims, spacing, size: DVec3::from_array(dims.map(|n| n as f64)) * spacing };
