@@ -17,38 +17,50 @@ pub(super) trait Kernel<T: Real> {
     fn value_and_gradient(&self, p: [T; 3]) -> (T, [T; 3]);
 
     /// `p - vector V(p)` for every point of the block.
-    #[inline(always)]
     fn displace(&self, b: &mut Block<T>) {
-        let d = self.vector();
-        for i in 0..BLOCK {
-            let v = self.value([b.x[i], b.y[i], b.z[i]]);
-            b.x[i] -= d[0] * v;
-            b.y[i] -= d[1] * v;
-            b.z[i] -= d[2] * v;
-        }
+        displace(self.vector(), b, |p| self.value(p));
     }
 
     /// The same; `jacobian` is multiplied from the left by `I - vector (grad V)^T`.
-    #[inline(always)]
     fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
-        let d = self.vector();
-        let [j0, j1, j2, j3, j4, j5, j6, j7, j8] = &mut jacobian.entry;
+        displace_with_jacobian(self.vector(), b, jacobian, |p| self.value_and_gradient(p));
+    }
+}
+
+#[inline(always)]
+fn displace<T: Real>(d: [T; 3], b: &mut Block<T>, value: impl Fn([T; 3]) -> T) {
+    for i in 0..BLOCK {
+        let v = value([b.x[i], b.y[i], b.z[i]]);
+        b.x[i] -= d[0] * v;
+        b.y[i] -= d[1] * v;
+        b.z[i] -= d[2] * v;
+    }
+}
+
+#[inline(always)]
+fn displace_with_jacobian<T: Real>(
+    d: [T; 3],
+    b: &mut Block<T>,
+    jacobian: &mut JacobianBlock<T>,
+    value_and_gradient: impl Fn([T; 3]) -> (T, [T; 3]),
+) {
+    let mut gradient = [[T::default(); BLOCK]; 3];
+    let [gx, gy, gz] = &mut gradient;
+    for i in 0..BLOCK {
+        let (v, g) = value_and_gradient([b.x[i], b.y[i], b.z[i]]);
+        [gx[i], gy[i], gz[i]] = g;
+        b.x[i] -= d[0] * v;
+        b.y[i] -= d[1] * v;
+        b.z[i] -= d[2] * v;
+    }
+    // column by column, so that few arrays are at work at a time
+    for column in jacobian.entry.chunks_exact_mut(3) {
+        let [x, y, z] = column else { continue };
         for i in 0..BLOCK {
-            let (v, g) = self.value_and_gradient([b.x[i], b.y[i], b.z[i]]);
-            b.x[i] -= d[0] * v;
-            b.y[i] -= d[1] * v;
-            b.z[i] -= d[2] * v;
-            let row = |a: T, b: T, c: T| g[0] * a + g[1] * b + g[2] * c;
-            let r = [row(j0[i], j1[i], j2[i]), row(j3[i], j4[i], j5[i]), row(j6[i], j7[i], j8[i])];
-            j0[i] -= d[0] * r[0];
-            j1[i] -= d[1] * r[0];
-            j2[i] -= d[2] * r[0];
-            j3[i] -= d[0] * r[1];
-            j4[i] -= d[1] * r[1];
-            j5[i] -= d[2] * r[1];
-            j6[i] -= d[0] * r[2];
-            j7[i] -= d[1] * r[2];
-            j8[i] -= d[2] * r[2];
+            let along = gx[i] * x[i] + gy[i] * y[i] + gz[i] * z[i];
+            x[i] -= d[0] * along;
+            y[i] -= d[1] * along;
+            z[i] -= d[2] * along;
         }
     }
 }
@@ -152,6 +164,20 @@ impl<T: Real> BallKernel<T> {
     fn local(&self, p: [T; 3]) -> [T; 3] {
         std::array::from_fn(|i| (p[i] - self.center[i]) * self.inverse_radius)
     }
+
+    #[inline(always)]
+    fn value_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> T {
+        let x = self.local(p);
+        profile(dot(x, x)).0
+    }
+
+    #[inline(always)]
+    fn value_and_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> (T, [T; 3]) {
+        let x = self.local(p);
+        let (value, slope) = profile(dot(x, x));
+        let slope = slope * self.inverse_radius;
+        (value, x.map(|c| c * slope))
+    }
 }
 
 impl<T: Real> Kernel<T> for BallKernel<T> {
@@ -162,41 +188,78 @@ impl<T: Real> Kernel<T> for BallKernel<T> {
 
     #[inline(always)]
     fn value(&self, p: [T; 3]) -> T {
-        let x = self.local(p);
-        profile(self.falloff, dot(x, x)).0
+        self.value_by(p, profile_of(self.falloff))
     }
 
     #[inline(always)]
     fn value_and_gradient(&self, p: [T; 3]) -> (T, [T; 3]) {
-        let x = self.local(p);
-        let (value, slope) = profile(self.falloff, dot(x, x));
-        let slope = slope * self.inverse_radius;
-        (value, x.map(|c| c * slope))
+        self.value_and_gradient_by(p, profile_of(self.falloff))
+    }
+
+    // the falloff is chosen outside the loops, so that each loop is free of branches
+    fn displace(&self, b: &mut Block<T>) {
+        let d = self.vector;
+        match self.falloff {
+            Falloff::Smooth => displace(d, b, |p| self.value_by(p, smooth)),
+            Falloff::Spline => displace(d, b, |p| self.value_by(p, spline)),
+            Falloff::Core(core) => {
+                let profile = with_core(core);
+                displace(d, b, |p| self.value_by(p, &profile));
+            }
+        }
+    }
+
+    fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
+        let d = self.vector;
+        match self.falloff {
+            Falloff::Smooth => displace_with_jacobian(d, b, jacobian, |p| self.value_and_gradient_by(p, smooth)),
+            Falloff::Spline => displace_with_jacobian(d, b, jacobian, |p| self.value_and_gradient_by(p, spline)),
+            Falloff::Core(core) => {
+                let profile = with_core(core);
+                displace_with_jacobian(d, b, jacobian, |p| self.value_and_gradient_by(p, &profile));
+            }
+        }
     }
 }
 
-/// `f(t)` and `f'(t) / t` from `t^2`.
+// Profiles: f(t) and f'(t) / t from t^2.
+
+/// `(1 - t^2)^3`.
 #[inline(always)]
-fn profile<T: Real>(falloff: Falloff, squared: T) -> (T, T) {
-    let (zero, one) = (T::default(), T::of(1.0));
-    // keeps f'(t)/t finite at the centre, where f' is 0
-    let tiny = T::of(1e-18);
-    match falloff {
-        Falloff::Smooth => {
-            let rest = (one - squared).larger(zero);
-            (rest * rest * rest, T::of(-6.0) * rest * rest)
-        }
-        Falloff::Spline => {
-            let t = squared.root();
-            let (value, slope) = bump_with_slope(t);
-            (value, slope * t.larger(tiny).inverse())
-        }
-        Falloff::Core(core) => {
-            let t = squared.root();
-            let width = T::of(1.0 / (1.0 - core));
-            let s = ((t - T::of(core)) * width).larger(zero).smaller(one);
-            let value = one - s * s * (T::of(3.0) - T::of(2.0) * s);
-            (value, T::of(-6.0) * s * (one - s) * width * t.larger(tiny).inverse())
-        }
+fn smooth<T: Real>(squared: T) -> (T, T) {
+    let rest = (T::of(1.0) - squared).larger(T::default());
+    (rest * rest * rest, T::of(-6.0) * rest * rest)
+}
+
+/// The quadratic B-spline.
+#[inline(always)]
+fn spline<T: Real>(squared: T) -> (T, T) {
+    let t = squared.root();
+    let (value, slope) = bump_with_slope(t);
+    (value, slope * t.larger(T::of(TINY)).inverse())
+}
+
+/// 1 up to `core`, then smoothstep.
+#[inline(always)]
+fn with_core<T: Real>(core: f64) -> impl Fn(T) -> (T, T) {
+    let (core, width) = (T::of(core), T::of(1.0 / (1.0 - core)));
+    move |squared| {
+        let t = squared.root();
+        let s = ((t - core) * width).larger(T::default()).smaller(T::of(1.0));
+        let value = T::of(1.0) - s * s * (T::of(3.0) - T::of(2.0) * s);
+        (value, T::of(-6.0) * s * (T::of(1.0) - s) * width * t.larger(T::of(TINY)).inverse())
+    }
+}
+
+/// Keeps `f'(t) / t` finite at the centre, where the slope is 0.
+const TINY: f64 = 1e-18;
+
+/// The profile of a falloff, chosen anew at each call: for single points.
+#[inline(always)]
+fn profile_of<T: Real>(falloff: Falloff) -> impl Fn(T) -> (T, T) {
+    move |squared| match falloff {
+        Falloff::Smooth => smooth(squared),
+        Falloff::Spline => spline(squared),
+        Falloff::Core(core) => with_core(core)(squared),
     }
 }

@@ -14,6 +14,8 @@ use crate::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBo
 pub struct Prepared {
     /// The newest first, as they are applied.
     steps: Vec<Step>,
+    /// The same for blocks of points in the world.
+    blocks: Blocks<f64>,
     /// Around all boxes.
     bounds: Option<(DVec3, DVec3)>,
     feature: f64,
@@ -54,7 +56,7 @@ impl Prepared {
             })
             .collect();
         let bounds = steps.iter().map(|s| (s.lower, s.upper)).reduce(|(al, au), (bl, bu)| (al.min(bl), au.max(bu)));
-        Self { steps, bounds, feature }
+        Self { blocks: blocks(&steps, DVec3::ZERO), steps, bounds, feature }
     }
 
     /// Whether nothing is deformed.
@@ -74,19 +76,7 @@ impl Prepared {
 
     /// An evaluator of blocks of points relative to `center`.
     pub fn blocks<T: Real>(&self, center: DVec3) -> Blocks<T> {
-        let steps = self
-            .steps
-            .iter()
-            .map(|s| BlockStep {
-                kernel: match &s.kernel {
-                    AnyKernel::Spline(k) => AnyKernel::Spline(k.about(center)),
-                    AnyKernel::Ball(k) => AnyKernel::Ball(k.about(center)),
-                    AnyKernel::Lattice(k) => AnyKernel::Lattice(k.clone()),
-                },
-                bounds: std::array::from_fn(|a| [T::of(s.lower[a] - center[a]), T::of(s.upper[a] - center[a])]),
-            })
-            .collect();
-        Blocks { center, steps }
+        blocks(&self.steps, center)
     }
 
     /// Where the undeformed point `q` is seen. See [`super::Stack::forward`].
@@ -106,6 +96,18 @@ impl Prepared {
             }
         })
     }
+}
+
+fn blocks<T: Real>(steps: &[Step], center: DVec3) -> Blocks<T> {
+    let block_step = |s: &Step| BlockStep {
+        kernel: match &s.kernel {
+            AnyKernel::Spline(k) => AnyKernel::Spline(k.about(center)),
+            AnyKernel::Ball(k) => AnyKernel::Ball(k.about(center)),
+            AnyKernel::Lattice(k) => AnyKernel::Lattice(k.clone()),
+        },
+        bounds: std::array::from_fn(|a| [T::of(s.lower[a] - center[a]), T::of(s.upper[a] - center[a])]),
+    };
+    Blocks { center, steps: steps.iter().map(block_step).collect() }
 }
 
 impl Step {
@@ -163,9 +165,24 @@ impl BackwardMap for Prepared {
     }
 }
 
+/// Blocks of points in the world, in `f64`.
+impl BlockMap<f64> for Prepared {
+    fn center(&self) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    fn backward_block(&self, points: &mut Block<f64>) {
+        self.blocks.backward_block(points);
+    }
+
+    fn backward_block_with_jacobian(&self, points: &mut Block<f64>, jacobian: &mut JacobianBlock<f64>) {
+        self.blocks.backward_block_with_jacobian(points, jacobian);
+    }
+}
+
 /// A stack ready to be evaluated for whole blocks of points (see [`BlockMap`]). Boxes that a block does not touch cost six
 /// comparisons.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Blocks<T> {
     center: DVec3,
     steps: Vec<BlockStep<T>>,

@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use super::Real;
+use super::{Identity, Real};
 
 /// Points in a [`Block`]: enough to fill the vector units many times, few enough to stay in the first-level cache.
 pub const BLOCK: usize = 64;
@@ -82,4 +82,16 @@ pub trait BlockMap<T: Real>: Sync {
 
     /// The same; `jacobian` (whatever it held) becomes the derivative of the map at the points.
     fn backward_block_with_jacobian(&self, points: &mut Block<T>, jacobian: &mut JacobianBlock<T>);
+}
+
+impl<T: Real> BlockMap<T> for Identity {
+    fn center(&self) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    fn backward_block(&self, _: &mut Block<T>) {}
+
+    fn backward_block_with_jacobian(&self, _: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
+        jacobian.set_identity();
+    }
 }

@@ -58,10 +58,31 @@ impl Texturing {
         Self { columns: columns.map(|c| c.as_vec3().to_array()), next }
     }
 
+    /// Turns undeformed points into texture coordinates.
     #[inline(always)]
-    fn coordinate(&self, x: f32, y: f32, z: f32) -> [f32; 3] {
-        let [a, b, c, o] = self.columns;
-        std::array::from_fn(|i| a[i] * x + b[i] * y + c[i] * z + o[i])
+    fn texture(&self, b: &mut Block<f32>) {
+        let [u, v, w, o] = self.columns;
+        for i in 0..BLOCK {
+            let (x, y, z) = (b.x[i], b.y[i], b.z[i]);
+            b.x[i] = u[0] * x + v[0] * y + w[0] * z + o[0];
+            b.y[i] = u[1] * x + v[1] * y + w[1] * z + o[1];
+            b.z[i] = u[2] * x + v[2] * y + w[2] * z + o[2];
+        }
+    }
+
+    /// Turns derivatives of the undeformed point into those of the texture coordinate.
+    #[inline(always)]
+    fn texture_jacobian(&self, j: &mut JacobianBlock<f32>) {
+        let [u, v, w, _] = self.columns;
+        for column in j.entry.chunks_exact_mut(3) {
+            let [x, y, z] = column else { continue };
+            for i in 0..BLOCK {
+                let d = [x[i], y[i], z[i]];
+                x[i] = u[0] * d[0] + v[0] * d[1] + w[0] * d[2];
+                y[i] = u[1] * d[0] + v[1] * d[1] + w[1] * d[2];
+                z[i] = u[2] * d[0] + v[2] * d[1] + w[2] * d[2];
+            }
+        }
     }
 }
 
@@ -74,8 +95,8 @@ pub fn corners(
     mut put: impl FnMut(Corner),
 ) {
     let center = map.center();
-    let mut here = Block::<f32>::default();
-    let mut jacobian = JacobianBlock::<f32>::default();
+    let [mut here, mut front, mut back] = [(); 3].map(|()| Block::<f32>::default());
+    let mut jacobian = JacobianBlock::<f32> { entry: [[0.0; BLOCK]; 9] };
     for chunk in positions.chunks(BLOCK) {
         for (i, p) in chunk.iter().enumerate() {
             let r = *p - center;
@@ -87,13 +108,14 @@ pub fn corners(
             let last = lane[n - 1];
             lane[n..].fill(last);
         }
-        let mut front = here.clone();
+        front.clone_from(&here);
         if jacobians {
             map.backward_block_with_jacobian(&mut front, &mut jacobian);
+            texturing.texture_jacobian(&mut jacobian);
         } else {
             map.backward_block(&mut front);
         }
-        let mut back = front.clone();
+        texturing.texture(&mut front);
         if let Some((shift, scale)) = texturing.next {
             for i in 0..BLOCK {
                 back.x[i] = here.x[i] * scale + shift[0];
@@ -101,24 +123,17 @@ pub fn corners(
                 back.z[i] = here.z[i] * scale + shift[2];
             }
             map.backward_block(&mut back);
+            texturing.texture(&mut back);
+        } else {
+            back.clone_from(&front);
         }
-        let [a, b, c, _] = texturing.columns;
-        for i in 0..n {
-            let mut corner = Corner {
+        for i in 0..n.min(BLOCK) {
+            put(Corner {
                 position: [here.x[i], here.y[i], here.z[i]],
-                front: texturing.coordinate(front.x[i], front.y[i], front.z[i]),
-                back: texturing.coordinate(back.x[i], back.y[i], back.z[i]),
-                jacobian: [0.0; 9],
-            };
-            if jacobians {
-                for column in 0..3 {
-                    let [x, y, z] = std::array::from_fn(|r| jacobian.entry[3 * column + r][i]);
-                    for r in 0..3 {
-                        corner.jacobian[3 * column + r] = a[r] * x + b[r] * y + c[r] * z;
-                    }
-                }
-            }
-            put(corner);
+                front: [front.x[i], front.y[i], front.z[i]],
+                back: [back.x[i], back.y[i], back.z[i]],
+                jacobian: std::array::from_fn(|e| jacobian.entry[e][i]),
+            });
         }
     }
 }

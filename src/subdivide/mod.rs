@@ -19,6 +19,10 @@
 //!
 //! A box whose section lies within one triangle touches no edge; that triangle is split at its centroid first.
 //!
+//! Without a tolerance, and where every part of an edge shows, an edge is split into all its `2^depth` parts at once, and a
+//! triangle with three such edges gets the same pattern always. Along the border of the boxes, where a triangle has both
+//! kinds of edges, the levels do the rest.
+//!
 //! # Practice
 //!
 //! [`Refiner`] works level by level: all edges of a level, then all triangles. Edges have numbers, and a split edge knows its
@@ -27,6 +31,7 @@
 
 mod edges;
 mod emit;
+mod levels;
 mod pattern;
 mod refine;
 mod supports;

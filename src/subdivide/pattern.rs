@@ -1,3 +1,6 @@
+use super::refine::{Edge, NONE};
+use super::{Refiner, Rule, Smallest, Supports};
+
 /// How a triangle looks after it was split a fixed number of times: the places of its vertices and its small triangles.
 ///
 /// Vertices are numbered: the three corners; the points between the ends of edge 0 (from corner 0 to 1), edge 1 (1 to 2)
@@ -50,6 +53,99 @@ fn vertex(n: u32, [i, j, k]: [u32; 3]) -> u16 {
         _ => 3 + 3 * (n - 1) + (1..k).map(|r| n - 1 - r).sum::<u32>() + j - 1,
     };
     number as u16
+}
+
+impl Refiner {
+    /// Splits every displaced edge into all its parts at once, and the triangles all of whose edges are displaced by a pattern.
+    /// What is left are triangles with displaced and undisplaced edges; those go through the levels. False, with nothing
+    /// done, if that cannot be: the pattern would be too large, or some parts would be too small.
+    pub(super) fn split_by_pattern(&mut self, supports: &Supports, rule: &Rule) -> bool {
+        if rule.depth > DEEPEST {
+            return false;
+        }
+        let parts = 1_u32 << rule.depth;
+        let limited = !matches!(rule.smallest, Smallest::Length(l) if l <= 0.0);
+        for i in 0..self.edges.len() {
+            let Edge { a, b, .. } = self.edges[i];
+            let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+            let length = p.distance(q);
+            let splittable = length > 0.0;
+            if !splittable || !supports.touches_segment(p, q) {
+                continue;
+            }
+            if limited {
+                let smallest = [p, 0.5 * (p + q), q].map(|x| rule.smallest.at(x)).into_iter().fold(0.0, f64::max);
+                // the last split is of parts twice as long as those that are left
+                if length * 2.0 / f64::from(parts) <= smallest {
+                    self.edges.iter_mut().for_each(|e| e.mid = NONE);
+                    return false;
+                }
+            }
+            // marked; numbered below
+            self.edges[i].mid = 0;
+        }
+        let pattern = self.patterns[rule.depth as usize].get_or_insert_with(|| Pattern::new(rule.depth));
+        let between = parts - 1;
+        let share = 1.0 / f64::from(parts);
+        for edge in self.edges.iter_mut().filter(|e| e.mid != NONE) {
+            let (p, q) = (self.positions[edge.a as usize], self.positions[edge.b as usize]);
+            // the first of its points
+            edge.mid = self.positions.len() as u32;
+            self.positions.extend((1..parts).map(|s| {
+                let t = f64::from(s) * share;
+                p * (1.0 - t) + q * t
+            }));
+        }
+        self.next.clear();
+        let mut numbers = [0_u32; VERTICES];
+        for face in &self.faces {
+            let edges = face.e.map(|e| self.edges[e as usize]);
+            if edges.iter().any(|e| e.mid == NONE) {
+                self.next.push(*face);
+                continue;
+            }
+            numbers[..3].copy_from_slice(&face.v);
+            let (sides, inside) = numbers[3..].split_at_mut(3 * between as usize);
+            for ((slots, edge), from) in sides.chunks_exact_mut(between as usize).zip(edges).zip(face.v) {
+                if edge.a == from {
+                    slots.iter_mut().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
+                } else {
+                    slots.iter_mut().rev().zip(edge.mid..).for_each(|(slot, m)| *slot = m);
+                }
+            }
+            let first = self.positions.len() as u32;
+            let [a, b, c] = face.v.map(|i| self.positions[i as usize]);
+            self.positions.extend(pattern.inside.iter().map(|w| a * w[0] + b * w[1] + c * w[2]));
+            inside.iter_mut().zip(first..first + pattern.inside.len() as u32).for_each(|(slot, m)| *slot = m);
+            let numbers = &numbers;
+            self.triangles.extend(pattern.triangles.iter().map(|t| t.map(|i| numbers[i as usize & (VERTICES - 1)])));
+        }
+        std::mem::swap(&mut self.faces, &mut self.next);
+        for n in 0..self.faces.len() {
+            for e in self.faces[n].e {
+                let Edge { mid, child, .. } = self.edges[e as usize];
+                if mid != NONE && child == NONE {
+                    self.halve(e, mid, between);
+                }
+            }
+        }
+        true
+    }
+
+    /// Makes the halves of an edge, and theirs, of `count` points that follow each other from `first` on.
+    fn halve(&mut self, edge: u32, first: u32, count: u32) {
+        let Edge { a, b, .. } = self.edges[edge as usize];
+        let half = count / 2;
+        let mid = first + half;
+        let child = self.edges.len() as u32;
+        self.edges.push(Edge { a, b: mid, mid: NONE, child: NONE });
+        self.edges.push(Edge { a: mid, b, mid: NONE, child: NONE });
+        (self.edges[edge as usize].mid, self.edges[edge as usize].child) = (mid, child);
+        if half > 0 {
+            self.halve(child, first, half);
+            self.halve(child + 1, mid + 1, half);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -77,6 +77,9 @@ impl Support {
     fn cuts(&self, a: DVec3, b: DVec3) -> bool {
         let p = self.local_from_world * (a - self.center);
         let q = self.local_from_world * (b - self.center);
+        if p.abs().max_element() < 1.0 || q.abs().max_element() < 1.0 {
+            return true;
+        }
         let (mut from, mut to) = (0.0_f64, 1.0_f64);
         for axis in 0..3 {
             let (p, step) = (p[axis], q[axis] - p[axis]);
@@ -90,7 +93,7 @@ impl Support {
             from = from.max(t0.min(t1));
             to = to.min(t0.max(t1));
         }
-        // a point inside (a segment of no length) counts, a touch from outside does not
+        // a touch from outside does not count
         from < to
     }
 
