@@ -1,1 +1,17 @@
-//! (to be written)
+//! L3: drawing and resampling on the GPU, off screen.
+
+mod cull;
+mod device;
+mod error;
+pub mod layout;
+mod renderer;
+mod resolve;
+pub mod shader;
+mod slicing;
+mod timing;
+mod volume;
+
+pub use device::{Capabilities, Gpu, Preference};
+pub use error::GpuError;
+pub use renderer::Renderer;
+pub use timing::Timings;

@@ -1,1 +1,182 @@
-//! Uniform quadratic B-splines.
+//! Uniform quadratic B-splines: the bump they make, their basis in a knot interval, and a lookup table.
+//!
+//! The quadratic B-spline is the smoothest piecewise quadratic with three pieces; it and its slope are zero at both ends.
+//! [`bump`] is that spline stretched to the support `[-1,1]` and scaled to the peak 1:
+//! `1 - 3 t^2` for `|t| <= 1/3`, `3/2 (1 - |t|)^2` beyond, 0 outside.
+
+use super::Real;
+
+/// The steepest slope of [`bump`], at `|t| = 1/3`.
+pub const STEEPEST: f64 = 2.0;
+
+/// The largest second derivative of [`bump`], for `|t| < 1/3`.
+pub const CURVATURE: f64 = 6.0;
+
+/// The quadratic B-spline with support `[-1,1]` and peak 1 (exactly 1 at 0).
+///
+/// Written with truncated powers, `3/2 (1-|t|)+^2 - 1/2 (1-3|t|)+^2`, which needs no branch.
+#[inline(always)]
+pub fn bump<T: Real>(t: T) -> T {
+    let (outer, inner) = truncated(t);
+    T::of(1.5) * outer * outer - T::of(0.5) * inner * inner
+}
+
+/// [`bump`] and its slope.
+#[inline(always)]
+pub fn bump_with_slope<T: Real>(t: T) -> (T, T) {
+    let (outer, inner) = truncated(t);
+    let steep = T::of(3.0) * (inner - outer);
+    let slope = if t < T::default() { T::default() - steep } else { steep };
+    (T::of(1.5) * outer * outer - T::of(0.5) * inner * inner, slope)
+}
+
+#[inline(always)]
+fn truncated<T: Real>(t: T) -> (T, T) {
+    let (zero, one) = (T::default(), T::of(1.0));
+    let t = t.magnitude();
+    ((one - t).larger(zero), (one - T::of(3.0) * t).larger(zero))
+}
+
+/// The profile along a displacement: rises as [`bump`] over `[-1,0]`, falls as a bump of twice the width over `[0,2]`.
+/// C1 everywhere, peak 1 at 0, zero with zero slope at -1 and 2.
+#[inline(always)]
+pub fn rise_and_fall<T: Real>(t: T) -> T {
+    bump(t.smaller(T::of(0.5) * t))
+}
+
+/// [`rise_and_fall`] and its slope: at most 2 where it rises, at least -1 where it falls.
+#[inline(always)]
+pub fn rise_and_fall_with_slope<T: Real>(t: T) -> (T, T) {
+    let (value, slope) = bump_with_slope(t.smaller(T::of(0.5) * t));
+    (value, if t < T::default() { slope } else { T::of(0.5) * slope })
+}
+
+/// Weights of the three coefficients that act at `x` in `[0,1]` of a knot interval. They are not negative and sum to 1.
+#[inline]
+pub fn basis(x: f64) -> [f64; 3] {
+    let y = 1.0 - x;
+    [0.5 * y * y, 0.5 + x * y, 0.5 * x * x]
+}
+
+/// Derivatives of [`basis`] by `x`; they sum to 0.
+#[inline]
+pub fn basis_slope(x: f64) -> [f64; 3] {
+    [x - 1.0, 1.0 - 2.0 * x, x]
+}
+
+/// [`bump`] sampled at `intervals + 1` places of `[0,1]` and interpolated linearly, as the paper's precomputed arrays.
+///
+/// The error is at most [`Table::error`]: `CURVATURE / (8 intervals^2)`.
+#[derive(Debug, Clone)]
+pub struct Table {
+    samples: Vec<f32>,
+    intervals: f32,
+}
+
+impl Table {
+    /// At least one interval.
+    pub fn new(intervals: usize) -> Self {
+        let n = intervals.max(1);
+        // one more sample after the end, so that t = 1 has a right neighbour
+        let samples = (0..=n + 1).map(|i| bump(i as f64 / n as f64) as f32).collect();
+        Self { samples, intervals: n as f32 }
+    }
+
+    /// Bound of the interpolation error, beside the rounding of `f32`.
+    pub fn error(&self) -> f64 {
+        CURVATURE / (8.0 * f64::from(self.intervals).powi(2))
+    }
+
+    /// The bump at `t`; 0 outside `[-1,1]` and at NaN.
+    #[inline(always)]
+    pub fn bump(&self, t: f32) -> f32 {
+        let x = t.abs().smaller(1.0) * self.intervals;
+        let i = x as usize;
+        let f = x - i as f32;
+        match self.samples.get(i..i + 2) {
+            Some(&[a, b]) => a + (b - a) * f,
+            _ => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The textbook pieces, in the textbook's form.
+    fn textbook(t: f64) -> f64 {
+        let t = t.abs();
+        if t <= 1.0 / 3.0 {
+            1.0 - 3.0 * t * t
+        } else if t < 1.0 {
+            1.5 * (1.0 - t).powi(2)
+        } else {
+            0.0
+        }
+    }
+
+    #[test]
+    fn the_bump_has_its_pieces_its_peak_and_its_support() {
+        for i in -3000..=3000 {
+            let t = f64::from(i) / 2000.0;
+            assert!((bump(t) - textbook(t)).abs() < 1e-15, "{t}");
+            assert!((f64::from(bump(t as f32)) - textbook(t)).abs() < 3e-7, "{t}");
+        }
+        assert_eq!((bump(0.0), bump(1.0), bump(-1.0), bump(7.5)), (1.0, 0.0, 0.0, 0.0));
+        assert_eq!(bump(0.0_f32), 1.0);
+    }
+
+    #[test]
+    fn slopes_agree_with_differences_and_are_bounded() {
+        let h = 1e-6;
+        for i in -2500..=2500 {
+            let t = f64::from(i) / 1000.0 + 0.000_123;
+            let (value, slope) = bump_with_slope(t);
+            assert_eq!(value, bump(t));
+            assert!(((bump(t + h) - bump(t - h)) / (2.0 * h) - slope).abs() < 1e-5, "{t}");
+            assert!(slope.abs() <= STEEPEST);
+            let (value, slope) = rise_and_fall_with_slope(t);
+            assert_eq!(value, rise_and_fall(t));
+            assert!(((rise_and_fall(t + h) - rise_and_fall(t - h)) / (2.0 * h) - slope).abs() < 1e-5, "{t}");
+            assert!((-1.0..=STEEPEST).contains(&slope));
+        }
+        assert!((bump_with_slope(-1.0 / 3.0).1 - STEEPEST).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_basis_is_a_partition_of_unity_and_c1_across_knots() {
+        for i in 0..=100 {
+            let x = f64::from(i) / 100.0;
+            let (b, s) = (basis(x), basis_slope(x));
+            assert!((b.iter().sum::<f64>() - 1.0).abs() < 1e-15 && b.iter().all(|w| *w >= 0.0));
+            assert!(s.iter().sum::<f64>().abs() < 1e-15);
+            // the same spline as the bump, of half-width 3/2 knots and peak 3/4
+            for (k, w) in b.iter().enumerate() {
+                let from_center = x + 1.0 - k as f64 - 0.5;
+                assert!((w - 0.75 * bump(from_center / 1.5)).abs() < 1e-15);
+            }
+        }
+        for k in 0..2 {
+            assert_eq!(basis(1.0)[k + 1], basis(0.0)[k]);
+            assert_eq!(basis_slope(1.0)[k + 1], basis_slope(0.0)[k]);
+        }
+        assert_eq!((basis(1.0)[0], basis_slope(1.0)[0]), (0.0, 0.0));
+    }
+
+    #[test]
+    fn a_table_keeps_its_bound_and_the_bound_is_not_idle() {
+        for n in [7, 64, 256, 1024] {
+            let table = Table::new(n);
+            let worst = (-12_000..=12_000)
+                .map(|i| f64::from(i) / 10_000.0)
+                .map(|t| (f64::from(table.bump(t as f32)) - textbook(t)).abs())
+                .fold(0.0, f64::max);
+            assert!(worst <= table.error() + 2e-7, "{n}: {worst} > {}", table.error());
+            assert!(n > 256 || worst > 0.3 * table.error(), "{n}: {worst} against {}", table.error());
+        }
+        let table = Table::new(16);
+        assert_eq!((table.bump(1.0), table.bump(-3.0), table.bump(0.0)), (0.0, 0.0, 1.0));
+        assert_eq!(table.bump(f32::NAN), 0.0);
+    }
+}

@@ -2,12 +2,18 @@
 //!
 //! Connectivity never sees positions.
 
+mod bvh;
 pub mod check;
+mod exact;
+pub mod locate;
+mod nets;
 pub mod primitives;
 pub mod proxy;
 mod topology;
 
 pub use topology::{EdgeId, Topology, TriangleId, VertexId};
+
+use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 
@@ -28,11 +34,12 @@ impl TriMesh {
 
     /// Every vertex moved by `map`; triangles are turned round if the map mirrors.
     pub fn transformed(&self, map: &DAffine3) -> Self {
-        let mut triangles = self.triangles.clone();
+        let positions = self.positions.iter().map(|p| map.transform_point3(*p)).collect();
+        let mut mesh = Self { positions, triangles: self.triangles.clone() };
         if map.matrix3.determinant() < 0.0 {
-            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+            mesh.flip();
         }
-        Self { positions: self.positions.iter().map(|p| map.transform_point3(*p)).collect(), triangles }
+        mesh
     }
 
     /// Signed volume by the divergence theorem; negative if the mesh is inside-out, meaningless if it is open.
@@ -46,5 +53,34 @@ impl TriMesh {
     pub fn area(&self) -> f64 {
         let p = |i: u32| self.positions[i as usize];
         self.triangles.iter().map(|t| (p(t[1]) - p(t[0])).cross(p(t[2]) - p(t[0])).length()).sum::<f64>() / 2.0
+    }
+
+    /// Turns every triangle round, and with them inside and outside.
+    pub fn flip(&mut self) {
+        self.triangles.iter_mut().for_each(|t| t.reverse());
+    }
+
+    /// Adds the vertices and triangles of `other` behind the own ones.
+    pub fn append(&mut self, other: &Self) {
+        let first = self.positions.len() as u32;
+        self.positions.extend_from_slice(&other.positions);
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+
+    /// The same surface with each position only once: vertices at exactly equal places become one, in order of first
+    /// appearance. Triangles stay as many as they are, also where two of their corners have become one.
+    pub fn welded(&self) -> Self {
+        let mut ids = HashMap::with_capacity(self.positions.len());
+        let mut positions = Vec::new();
+        // adding zero makes -0 equal to 0
+        let new_id: Vec<u32> = (self.positions.iter())
+            .map(|p| {
+                *ids.entry((*p + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert_with(|| {
+                    positions.push(*p);
+                    positions.len() as u32 - 1
+                })
+            })
+            .collect();
+        Self { positions, triangles: self.triangles.iter().map(|t| t.map(|v| new_id[v as usize])).collect() }
     }
 }

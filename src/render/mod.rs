@@ -11,34 +11,59 @@
 //! Jacobian `dT/dp`, all interpolated linearly over each triangle; `slicing-exact` evaluates them per fragment instead.
 //!
 //! - *Value*: `s(x)` is trilinear in texel centres, clamped to the edge, then mapped to the window:
-//!   `clamp((real(x) - lo) / (hi - lo), 0, 1)`. A fragment with `front` outside `[0,1]^3` is not drawn.
+//!   `clamp((real(x) - lo) / (hi - lo), 0, 1)`. A fragment with `front` outside `[0,1]^3` (by more than 1e-5) is not drawn, nor is a slice
+//!   whose depth lies outside the clip range `0..=1`.
+//! - *RGBA*: the value is A. RGB is interpolated as stored (sRGB), then made linear; the fragment's colour is that times the
+//!   opacity of the table.
 //! - *Classification*: a 256 x 256 table over `(s(front), s(back))`, bilinear at texel centres `(i + 1/2)/256` where texel i
 //!   stands for the value `i/255`: the coordinate of value s is `(s * 255 + 0.5) / 256`. Entries are linear-light, premultiplied,
 //!   and already for the distance of two slices along the view axis ([`ClassTable`]). Without pre-integration the table is
-//!   constant along its second axis.
+//!   constant along its second axis, and `s(back)` need not be sampled.
 //! - *Perspective*: a ray that meets the slices at an angle runs through `1/cos` times the distance:
-//!   `a' = 1 - (1 - a)^(1/cos)`, and the colour scales by `a'/a`.
+//!   `a' = 1 - (1 - a)^(1/cos)`, and the colour scales by `a'/a`. The cosine is that of the fragment: `axis . v`, with `v` the
+//!   unit direction from the fragment to the eye.
 //! - *Gradient*: `g = (dT/dp)^T * grad_texture s(front)` by central differences of one texel to each side (clamped to the edge),
 //!   in window units per world unit, then times the finest voxel spacing: window units per voxel. This is the gradient of the *deformed* field (section 3.3).
-//!   [`Gradient::Forward`] takes `s(front) - s(T(p + h l))` towards the light instead, h the finest spacing, as the paper does.
-//! - *Light*: `n = g / |g|`, turned to the eye; `diffuse = max(n.l, 0)` with `l` the direction to the light,
-//!   `specular = max(n.h, 0)^shininess`. `w = min(|g| * 12, 1)`: where there is no surface there is no shading.
+//! - *Light*: `n = g / |g|`, turned to the eye (`n.v >= 0`); `diffuse = max(n.l, 0)` with `l` the direction to the light,
+//!   `specular = max(n.h, 0)^shininess` with `h = (l + v) / |l + v|`. `w = min(|g| * 12, 1)`: where there is no surface there is no shading.
 //!   `color = color * mix(1, ambient + diffuse_weight * diffuse, w) + alpha * w * specular_weight * specular`.
-//! - *Iso*: drawn where `max(s(front), s(back)) >= iso`: if `s(front) >= iso` at `front`, else at `mix(front, back, t)`,
-//!   `t = (iso - s(front)) / (s(back) - s(front))`; nearest by depth, opaque, shaded with `w = 1`.
-//! - *MIP*: the largest `s(front)` along the ray; shown as grey with opacity 1 where anything was drawn.
-//! - *Background*: a vertical gradient between two sRGB colours, mixed as sRGB; the result is encoded to sRGB at the end.
+//! - [`Gradient::Forward`], as in the paper, knows one difference towards the light only:
+//!   `d = s(front) - s(front + h (dT/dp) l)`, h the finest spacing; `diffuse = clamp(12 d, 0, 1)`, `w = 1`, no specular.
+//! - *Iso*: drawn where `max(s(front), s(back)) >= iso`: if `s(front) >= iso` at `x = front`, else at `x = mix(front, back, t)`,
+//!   `t = (iso - s(front)) / (s(back) - s(front))`; nearest by depth, opaque, its colour shaded with `w = 1`, the gradient
+//!   taken at `x` and everything else at the fragment. The window is the field's whole range, so nothing is clamped. If
+//!   `g = 0`, `n = v`.
+//! - *MIP*: the largest `s(front)` along the ray, not lit; shown as the sRGB grey `s` with opacity 1 where anything was drawn.
+//! - *Background*: a vertical gradient between two sRGB colours, mixed as sRGB at the pixel's centre (`(y + 1/2) / height`);
+//!   the linear sum is encoded to sRGB at the end. A transparent picture has straight (not premultiplied) alpha: its colour is
+//!   `encode(rgb / a)`, its alpha is linear; where `a = 0` all four are 0.
+//!
+//! [`Frame`] holds what these formulas take from the view and the look.
 
 mod camera;
+mod draw;
+mod exact;
+mod field;
+mod frame;
 mod look;
+mod picture;
+mod raster;
+mod sampler;
+mod shade;
+mod skip;
+mod table;
+mod tile;
 
 pub use camera::{Camera, Projection};
+pub use draw::render;
+pub use exact::{Exact, Fragment};
+pub use field::{Field, TexelSlice, Texels};
+pub use frame::Frame;
 pub use look::{Gradient, Look, Shading};
+pub use picture::{Picture, PictureError, max_difference, psnr};
+pub use table::{ClassTable, SIZE as TABLE_SIZE};
 
 use std::ops::Range;
-use std::sync::Arc;
-
-use crate::volume::{Grid, Volume};
 
 /// A corner of a slice triangle.
 #[repr(C)]
@@ -65,34 +90,4 @@ pub struct SliceGeometry {
     pub slices: Vec<Range<u32>>,
     /// Distance of two slices along the view axis, in world units.
     pub distance: f64,
-}
-
-/// The scalar or RGBA field in the form that renderers sample.
-#[derive(Debug, Clone)]
-pub struct Field {
-    pub grid: Grid,
-    /// 1: scalar. 4: RGBA in sRGB, where A takes the place of the scalar and RGB the place of the table's colour.
-    pub channels: usize,
-    /// Texels, x fastest, channels interleaved.
-    pub texels: Texels,
-    /// Real value of a texel as the sampler returns it (u8 and u16 as 0..1): `real = texel * scale + offset`.
-    pub scale: f64,
-    pub offset: f64,
-    /// Smallest and largest real value (of the alpha channel for RGBA).
-    pub range: [f64; 2],
-}
-
-/// Typed texels. `U8` and `U16` are normalised to 0..1 when sampled. Volumes of u8 and u16 are shared, not copied.
-#[derive(Debug, Clone)]
-pub enum Texels {
-    Shared(Arc<Volume>),
-    F32(Arc<Vec<f32>>),
-}
-
-/// A finished picture: 8-bit sRGB RGBA, rows top down.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
-    pub width: u32,
-    pub height: u32,
-    pub pixels: Vec<[u8; 4]>,
 }

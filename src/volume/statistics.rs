@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::{Samples, Scalar, Volume};
+use super::{Rescale, Samples, Scalar, Volume};
 use crate::with_samples;
 
 /// Voxels in a piece: the sums of integers of up to 32 bits are exact in it.
@@ -31,6 +31,11 @@ pub fn statistics(volume: &Volume) -> Statistics {
     finish(volume, with_samples!(&volume.samples, v => total(v, 1, 0)))
 }
 
+/// Statistics of all channels together of the values as stored, without slope and intercept.
+pub fn stored_statistics(volume: &Volume) -> Statistics {
+    with_samples!(&volume.samples, v => total(v, 1, 0))
+}
+
 /// Statistics of one channel.
 ///
 /// # Panics
@@ -41,11 +46,17 @@ pub fn channel_statistics(volume: &Volume, channel: usize) -> Statistics {
 }
 
 fn finish(volume: &Volume, stored: Statistics) -> Statistics {
-    let real = |v| volume.rescale.real(v);
-    let (a, b) = (real(stored.min), real(stored.max));
-    // a negative slope turns the order round
-    let (min, max) = if a > b { (b, a) } else { (a, b) };
-    Statistics { min, max, mean: real(stored.mean), ..stored }
+    stored.rescaled(volume.rescale)
+}
+
+impl Statistics {
+    /// Of the real values, from those of the stored ones.
+    pub fn rescaled(self, rescale: Rescale) -> Self {
+        let (a, b) = (rescale.real(self.min), rescale.real(self.max));
+        // a negative slope turns the order round
+        let (min, max) = if a > b { (b, a) } else { (a, b) };
+        Self { min, max, mean: rescale.real(self.mean), ..self }
+    }
 }
 
 /// Statistics of stored values: every `step`th, from `first`.

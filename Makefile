@@ -1,0 +1,46 @@
+# make run    set everything up and open Voxclay (without a modeller yet: runs the demo and says where the pictures are)
+# make test   set everything up and pass the checks: format, lints, tests, docs
+# make bench  the benchmarks behind the README's tables
+
+CARGO ?= cargo
+OUT ?= out/demo
+
+# name of the Debian package, and a file that shows that it is there
+VULKAN_LOADER := $(firstword $(wildcard /usr/lib/*/libvulkan.so.1 /usr/lib64/libvulkan.so.1 /usr/lib/libvulkan.so.1))
+VULKAN_DRIVER := $(firstword $(wildcard /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json))
+
+.PHONY: run test bench setup rust system
+
+run: setup
+	$(CARGO) build --release --locked
+	./target/release/voxclay demo -o $(OUT)
+
+test: setup
+	$(CARGO) fmt --check
+	$(CARGO) clippy --locked --all-targets -- -D warnings
+	$(CARGO) test --locked
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps
+
+bench: setup
+	$(CARGO) bench --locked
+
+setup: rust system
+
+rust:
+	@command -v $(CARGO) >/dev/null || { echo "Voxclay is built with Rust 1.95 or newer: install it from https://rustup.rs, then run make again."; exit 1; }
+	@command -v cc >/dev/null || { echo "No C linker found (cc): install gcc or clang (Debian: apt-get install build-essential)."; [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq build-essential; }
+
+# A Vulkan driver draws; Mesa's software driver (lavapipe) is enough. The CPU renderer needs none.
+system:
+ifeq ($(shell uname -s),Linux)
+ifeq ($(and $(VULKAN_LOADER),$(VULKAN_DRIVER)),)
+	@if command -v apt-get >/dev/null; then \
+	  SUDO=$$([ "$$(id -u)" = 0 ] || echo sudo); \
+	  echo "Installing a Vulkan driver (mesa-vulkan-drivers, libvulkan1)"; \
+	  $$SUDO apt-get update -qq && DEBIAN_FRONTEND=noninteractive $$SUDO apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers libvulkan1; \
+	else \
+	  echo "No Vulkan driver was found. Install one and run make again: Fedora: mesa-vulkan-drivers vulkan-loader; Arch: vulkan-swrast vulkan-icd-loader; openSUSE: Mesa-vulkan-drivers libvulkan1."; \
+	  exit 1; \
+	fi
+endif
+endif

@@ -1,0 +1,97 @@
+// View-aligned slices; src/render/mod.rs says what a fragment is.
+
+struct Fragment {
+    @builtin(position) clip: vec4f,
+    @location(0) front: vec3f,
+    @location(1) back: vec3f,
+    @location(2) local: vec3f,
+    @location(3) jacobian_x: vec3f,
+    @location(4) jacobian_y: vec3f,
+    @location(5) jacobian_z: vec3f,
+}
+
+@vertex
+fn vertex_main(
+    @location(0) position: vec3f,
+    @location(1) front: vec3f,
+    @location(2) back: vec3f,
+    @location(3) jacobian_x: vec3f,
+    @location(4) jacobian_y: vec3f,
+    @location(5) jacobian_z: vec3f,
+) -> Fragment {
+    let clip = frame.clip_from_local * vec4f(position, 1.0);
+    return Fragment(clip, front, back, position, jacobian_x, jacobian_y, jacobian_z);
+}
+
+fn jacobian(in: Fragment) -> mat3x3f {
+    if AFFINE {
+        return object.jacobian;
+    }
+    return mat3x3f(in.jacobian_x, in.jacobian_y, in.jacobian_z);
+}
+
+fn view(in: Fragment) -> vec3f {
+    if PERSPECTIVE {
+        return normalize(frame.eye.xyz - in.local);
+    }
+    return frame.axis.xyz;
+}
+
+@fragment
+fn volume_main(in: Fragment) -> @location(0) vec4f {
+    if any(in.front != saturate(in.front)) {
+        discard;
+    }
+    let here = value(in.front);
+    var behind = here;
+    if PREINTEGRATED {
+        behind = value(in.back);
+    }
+    var color = classify(here, behind);
+    if color.a <= 1e-6 {
+        discard;
+    }
+    let v = view(in);
+    if RGBA {
+        color = vec4f(linear_from_srgb(texels(in.front).rgb) * color.a, color.a);
+    }
+    if PERSPECTIVE {
+        color *= (1.0 - pow(1.0 - color.a, 1.0 / dot(v, frame.axis.xyz))) / color.a;
+    }
+    if LIT {
+        color = vec4f(lit(color, in.front, here, jacobian(in), v), color.a);
+    }
+    return color;
+}
+
+@fragment
+fn iso_main(in: Fragment) -> @location(0) vec4f {
+    if any(in.front != saturate(in.front)) {
+        discard;
+    }
+    let iso = frame.window.z;
+    let here = value(in.front);
+    let behind = value(in.back);
+    if max(here, behind) < iso {
+        discard;
+    }
+    var x = in.front;
+    var at = here;
+    if here < iso {
+        x = mix(in.front, in.back, (iso - here) / (behind - here));
+        at = iso;
+    }
+    var color = vec4f(frame.iso_color.rgb, 1.0);
+    if LIT {
+        color = vec4f(lit(color, x, at, jacobian(in), view(in)), 1.0);
+    }
+    return color;
+}
+
+@fragment
+fn mip_main(in: Fragment) -> @location(0) vec4f {
+    if any(in.front != saturate(in.front)) {
+        discard;
+    }
+    return vec4f(vec3f(value(in.front)), 1.0);
+}

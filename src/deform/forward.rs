@@ -1,0 +1,91 @@
+//! The inverse of one deformer at a point.
+
+use glam::{DMat3, DVec3};
+
+use super::DeformError;
+use super::kernel::Kernel;
+use super::lattice::LatticeKernel;
+
+/// Of a displacement in one fixed direction: a root along the line through `q`, in a bracket that always holds one.
+///
+/// `g(s) = s - |d| V(q + s w)` is at most 0 at 0 and at least 0 at `|d|`, because `V` lies in 0..=1.
+pub(super) fn forward_along(kernel: &impl Kernel<f64>, q: DVec3, steepness: f64) -> Result<DVec3, DeformError> {
+    let vector = DVec3::from(kernel.vector());
+    let length = vector.length();
+    let w = vector / length;
+    let g = |s: f64| {
+        let (v, gradient) = kernel.value_and_gradient((q + w * s).to_array());
+        (s - length * v, 1.0 - length * DVec3::from(gradient).dot(w))
+    };
+    if steepness >= 1.0 && crossings(&g, length) > 1 {
+        return Err(DeformError::Folded { at: q });
+    }
+    let (mut lo, mut hi) = (0.0, length);
+    // without a displacement the answer is q itself
+    let mut s = length * kernel.value(q.to_array());
+    for _ in 0..200 {
+        let (value, slope) = g(s);
+        if value == 0.0 {
+            break;
+        }
+        if value < 0.0 {
+            lo = s;
+        } else {
+            hi = s;
+        }
+        let newton = s - value / slope;
+        let next = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
+        let step = (next - s).abs();
+        s = next;
+        if step <= 1e-15 * length || hi - lo <= 1e-15 * length {
+            break;
+        }
+    }
+    if s.is_finite() { Ok(q + w * s) } else { Err(DeformError::NotConverged { at: q }) }
+}
+
+/// Sign changes of `g` over the bracket, looked for at evenly spaced places.
+fn crossings(g: &impl Fn(f64) -> (f64, f64), length: f64) -> usize {
+    const SAMPLES: u32 = 512;
+    let signs = (0..=SAMPLES).map(|i| g(length * f64::from(i) / f64::from(SAMPLES)).0 > 0.0);
+    signs.clone().zip(signs.skip(1)).filter(|(a, b)| a != b).count()
+}
+
+/// Of a lattice: Newton's method with steps halved until they help, from the point moved once.
+pub(super) fn forward_lattice(kernel: &LatticeKernel, q: DVec3, size: f64) -> Result<DVec3, DeformError> {
+    let miss = |x: DVec3| x - kernel.displacement(x) - q;
+    let goal = 1e-14 * (size + q.length());
+    let mut x = q + kernel.displacement(q);
+    let mut error = miss(x);
+    for _ in 0..100 {
+        if error.length() <= goal {
+            break;
+        }
+        let jacobian = DMat3::IDENTITY - kernel.displacement_with_gradient(x).1;
+        let determinant = jacobian.determinant();
+        let step = if determinant > 1e-9 { jacobian.inverse() * error } else { error };
+        let mut scale = 1.0;
+        let better = loop {
+            let next = x - step * scale;
+            let e = miss(next);
+            if e.length() < error.length() {
+                break Some((next, e));
+            }
+            scale *= 0.5;
+            if scale < 1e-6 {
+                break None;
+            }
+        };
+        match better {
+            Some((next, e)) => (x, error) = (next, e),
+            None => break,
+        }
+    }
+    if error.is_nan() || error.length() > 100.0 * goal {
+        return Err(DeformError::NotConverged { at: q });
+    }
+    if (DMat3::IDENTITY - kernel.displacement_with_gradient(x).1).determinant() <= 0.0 {
+        return Err(DeformError::Folded { at: q });
+    }
+    Ok(x)
+}

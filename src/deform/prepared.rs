@@ -1,0 +1,270 @@
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use super::forward::{forward_along, forward_lattice};
+use super::kernel::{BallKernel, Kernel, SplineKernel};
+use super::lattice::LatticeKernel;
+use super::stack::outer;
+use super::{DeformError, Deformer};
+use crate::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox, Real};
+
+/// A stack ready to be evaluated in `f64`: axes, inverse lengths and boxes worked out.
+#[derive(Debug, Clone, Default)]
+pub struct Prepared {
+    /// The newest first, as they are applied.
+    steps: Vec<Step>,
+    /// Around all boxes.
+    bounds: Option<(DVec3, DVec3)>,
+    feature: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Step {
+    kernel: AnyKernel<f64>,
+    support: OrientedBox,
+    lower: DVec3,
+    upper: DVec3,
+    steepness: f64,
+}
+
+#[derive(Debug, Clone)]
+enum AnyKernel<T> {
+    Spline(SplineKernel<T>),
+    Ball(BallKernel<T>),
+    Lattice(Arc<LatticeKernel>),
+}
+
+impl Prepared {
+    /// From deformers, oldest first.
+    pub(super) fn new<'a>(deformers: impl DoubleEndedIterator<Item = &'a Deformer>) -> Self {
+        let mut feature = f64::INFINITY;
+        let steps: Vec<Step> = deformers
+            .rev()
+            .map(|d| {
+                feature = feature.min(d.feature_size());
+                let kernel = match d {
+                    Deformer::Displacement(d) => AnyKernel::Spline(d.kernel(DVec3::ZERO)),
+                    Deformer::Grab(g) => AnyKernel::Ball(g.kernel(DVec3::ZERO)),
+                    Deformer::Lattice(l) => AnyKernel::Lattice(Arc::new(l.kernel())),
+                };
+                let support = d.support();
+                let (lower, upper) = support.bounds();
+                Step { kernel, support, lower, upper, steepness: d.steepness() }
+            })
+            .collect();
+        let bounds = steps.iter().map(|s| (s.lower, s.upper)).reduce(|(al, au), (bl, bu)| (al.min(bl), au.max(bu)));
+        Self { steps, bounds, feature }
+    }
+
+    /// Whether nothing is deformed.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// Axis-aligned bounds of all boxes; `None` if nothing is deformed.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        self.bounds
+    }
+
+    /// The smallest feature of any deformer, in world units; infinite if nothing is deformed.
+    pub fn feature_size(&self) -> f64 {
+        self.feature
+    }
+
+    /// An evaluator of blocks of points relative to `center`.
+    pub fn blocks<T: Real>(&self, center: DVec3) -> Blocks<T> {
+        let steps = self
+            .steps
+            .iter()
+            .map(|s| BlockStep {
+                kernel: match &s.kernel {
+                    AnyKernel::Spline(k) => AnyKernel::Spline(k.about(center)),
+                    AnyKernel::Ball(k) => AnyKernel::Ball(k.about(center)),
+                    AnyKernel::Lattice(k) => AnyKernel::Lattice(k.clone()),
+                },
+                bounds: std::array::from_fn(|a| [T::of(s.lower[a] - center[a]), T::of(s.upper[a] - center[a])]),
+            })
+            .collect();
+        Blocks { center, steps }
+    }
+
+    /// Where the undeformed point `q` is seen. See [`super::Stack::forward`].
+    ///
+    /// # Errors
+    /// If a deformation folds over there.
+    pub fn forward(&self, q: DVec3) -> Result<DVec3, DeformError> {
+        // oldest first: each deformer's own inverse, in the order in which they were made
+        self.steps.iter().rev().try_fold(q, |q, step| {
+            if step.outside(q) {
+                return Ok(q);
+            }
+            match &step.kernel {
+                AnyKernel::Spline(k) => forward_along(k, q, step.steepness),
+                AnyKernel::Ball(k) => forward_along(k, q, step.steepness),
+                AnyKernel::Lattice(k) => forward_lattice(k, q, step.support.half.max_element()),
+            }
+        })
+    }
+}
+
+impl Step {
+    #[inline(always)]
+    fn outside(&self, p: DVec3) -> bool {
+        outside(p, self.lower, self.upper)
+    }
+}
+
+#[inline(always)]
+fn outside(p: DVec3, lower: DVec3, upper: DVec3) -> bool {
+    p.cmplt(lower).any() || p.cmpgt(upper).any()
+}
+
+impl BackwardMap for Prepared {
+    fn backward(&self, mut p: DVec3) -> DVec3 {
+        if self.bounds.is_none_or(|(lower, upper)| outside(p, lower, upper)) {
+            return p;
+        }
+        for step in &self.steps {
+            if !step.outside(p) {
+                p -= match &step.kernel {
+                    AnyKernel::Spline(k) => DVec3::from(k.vector()) * k.value(p.to_array()),
+                    AnyKernel::Ball(k) => DVec3::from(k.vector()) * k.value(p.to_array()),
+                    AnyKernel::Lattice(k) => k.displacement(p),
+                };
+            }
+        }
+        p
+    }
+
+    fn backward_with_jacobian(&self, mut p: DVec3) -> (DVec3, DMat3) {
+        let mut jacobian = DMat3::IDENTITY;
+        if self.bounds.is_none_or(|(lower, upper)| outside(p, lower, upper)) {
+            return (p, jacobian);
+        }
+        for step in &self.steps {
+            if step.outside(p) {
+                continue;
+            }
+            let along = |d: [f64; 3], (v, g): (f64, [f64; 3])| (DVec3::from(d) * v, outer(d.into(), g.into()));
+            let (displacement, gradient) = match &step.kernel {
+                AnyKernel::Spline(k) => along(k.vector(), k.value_and_gradient(p.to_array())),
+                AnyKernel::Ball(k) => along(k.vector(), k.value_and_gradient(p.to_array())),
+                AnyKernel::Lattice(k) => k.displacement_with_gradient(p),
+            };
+            p -= displacement;
+            jacobian -= gradient * jacobian;
+        }
+        (p, jacobian)
+    }
+
+    fn supports(&self) -> Vec<OrientedBox> {
+        self.steps.iter().rev().map(|s| s.support).collect()
+    }
+}
+
+/// A stack ready to be evaluated for whole blocks of points (see [`BlockMap`]). Boxes that a block does not touch cost six
+/// comparisons.
+#[derive(Debug, Clone)]
+pub struct Blocks<T> {
+    center: DVec3,
+    steps: Vec<BlockStep<T>>,
+}
+
+#[derive(Debug, Clone)]
+struct BlockStep<T> {
+    kernel: AnyKernel<T>,
+    /// Lower and upper end along each world axis.
+    bounds: [[T; 2]; 3],
+}
+
+impl<T: Real> BlockStep<T> {
+    /// Whether no point within these bounds can be moved.
+    fn misses(&self, bounds: &[[T; 2]; 3]) -> bool {
+        self.bounds.iter().zip(bounds).any(|(a, b)| a[1] < b[0] || b[1] < a[0])
+    }
+}
+
+impl<T: Real> Blocks<T> {
+    /// Every point replaced by its backward image; points relative to the centre, any number of them.
+    pub fn backward_batch(&self, x: &mut [T], y: &mut [T], z: &mut [T]) {
+        let mut block = Block::default();
+        for ((x, y), z) in x.chunks_mut(BLOCK).zip(y.chunks_mut(BLOCK)).zip(z.chunks_mut(BLOCK)) {
+            let n = x.len().min(y.len()).min(z.len());
+            for (to, from) in [(&mut block.x, &*x), (&mut block.y, &*y), (&mut block.z, &*z)] {
+                to[..n].copy_from_slice(&from[..n]);
+                // the rest of the last block repeats a point, so that its bounds stay tight
+                let last = to[n - 1];
+                to[n..].fill(last);
+            }
+            self.backward_block(&mut block);
+            x[..n].copy_from_slice(&block.x[..n]);
+            y[..n].copy_from_slice(&block.y[..n]);
+            z[..n].copy_from_slice(&block.z[..n]);
+        }
+    }
+}
+
+impl<T: Real> BlockMap<T> for Blocks<T> {
+    fn center(&self) -> DVec3 {
+        self.center
+    }
+
+    fn backward_block(&self, points: &mut Block<T>) {
+        if self.steps.is_empty() {
+            return;
+        }
+        let mut bounds = points.bounds();
+        for step in &self.steps {
+            if step.misses(&bounds) {
+                continue;
+            }
+            match &step.kernel {
+                AnyKernel::Spline(k) => k.displace(points),
+                AnyKernel::Ball(k) => k.displace(points),
+                AnyKernel::Lattice(k) => {
+                    for i in 0..BLOCK {
+                        let p = self.center + DVec3::new(points.x[i].wide(), points.y[i].wide(), points.z[i].wide());
+                        let d = k.displacement(p);
+                        points.x[i] -= T::of(d.x);
+                        points.y[i] -= T::of(d.y);
+                        points.z[i] -= T::of(d.z);
+                    }
+                }
+            }
+            bounds = points.bounds();
+        }
+    }
+
+    fn backward_block_with_jacobian(&self, points: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
+        jacobian.set_identity();
+        if self.steps.is_empty() {
+            return;
+        }
+        let mut bounds = points.bounds();
+        for step in &self.steps {
+            if step.misses(&bounds) {
+                continue;
+            }
+            match &step.kernel {
+                AnyKernel::Spline(k) => k.displace_with_jacobian(points, jacobian),
+                AnyKernel::Ball(k) => k.displace_with_jacobian(points, jacobian),
+                AnyKernel::Lattice(k) => {
+                    for i in 0..BLOCK {
+                        let p = self.center + DVec3::new(points.x[i].wide(), points.y[i].wide(), points.z[i].wide());
+                        let (d, gradient) = k.displacement_with_gradient(p);
+                        points.x[i] -= T::of(d.x);
+                        points.y[i] -= T::of(d.y);
+                        points.z[i] -= T::of(d.z);
+                        let before = DMat3::from_cols_array(&std::array::from_fn(|e| jacobian.entry[e][i].wide()));
+                        let after = (before - gradient * before).to_cols_array();
+                        for (entry, value) in jacobian.entry.iter_mut().zip(after) {
+                            entry[i] = T::of(value);
+                        }
+                    }
+                }
+            }
+            bounds = points.bounds();
+        }
+    }
+}

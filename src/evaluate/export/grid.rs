@@ -1,0 +1,255 @@
+//! Which grid the deformed volume is written on, and how its voxels lie to those of the input.
+
+use glam::{DAffine3, DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::ExportError;
+use crate::math::{BackwardMap, OrientedBox};
+use crate::volume::Grid;
+
+/// The grid of the exported volume.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum GridChoice {
+    /// The grid of the input.
+    Same,
+    /// The lattice of the input, with as many layers added on each side as hold what was pulled out. Voxels that did not
+    /// move keep their samples bit for bit.
+    SameGrown,
+    /// The texture cube of the input, filled with voxels of this spacing along its axes (world units), the first voxel
+    /// flush with the first face and the last at or just beyond the last; with layers added as in `SameGrown` if `grown`.
+    Spacing { spacing: DVec3, grown: bool },
+    /// This one, as it is.
+    Given(Grid),
+}
+
+/// How the voxels of the output lie to those of the input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Link {
+    /// Voxel i of the output is voxel i + offset of the input.
+    Lattice([i64; 3]),
+    /// The input's voxel coordinates from the output's.
+    Affine(DAffine3),
+}
+
+/// Greatest deviation, in voxels, at which two lattices are the same and at which a coordinate is a whole number. Some
+/// hundred times the rounding of `f64` in world coordinates of the size of a volume's grid.
+pub(super) const SNAP: f64 = 1e-9;
+
+/// Whole numbers within [`SNAP`] become exact.
+#[inline]
+pub(super) fn snap(v: DVec3) -> DVec3 {
+    let near = v.round();
+    DVec3::select((v - near).abs().cmple(DVec3::splat(SNAP)), near, v)
+}
+
+/// Everything that leads from a voxel of the output to a coordinate in the input.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame {
+    pub link: Link,
+    pub world_from_out: DAffine3,
+    /// Turns a world displacement into voxels of the input.
+    pub in_from_world: DMat3,
+}
+
+impl Frame {
+    pub fn new(input: &Grid, output: &Grid) -> Self {
+        let affine = input.voxel_from_world() * output.world_from_voxel;
+        let offset = affine.translation.round();
+        let deviation = (affine.matrix3 - DMat3::IDENTITY).abs() * output.size() + (affine.translation - offset).abs();
+        let aligned = deviation.max_element() < 1e3 * SNAP && offset.abs().max_element() < 1e15;
+        let link = if aligned {
+            Link::Lattice([offset.x as i64, offset.y as i64, offset.z as i64])
+        } else {
+            Link::Affine(affine)
+        };
+        Self { link, world_from_out: output.world_from_voxel, in_from_world: input.voxel_from_world().matrix3 }
+    }
+
+    /// Input coordinate of an output voxel that is not displaced.
+    #[inline]
+    pub fn undisplaced(&self, out: DVec3) -> DVec3 {
+        match self.link {
+            Link::Lattice([x, y, z]) => out + DVec3::new(x as f64, y as f64, z as f64),
+            Link::Affine(m) => m.transform_point3(out),
+        }
+    }
+
+    /// Change of the input coordinate with a step along each axis of the output.
+    pub fn steps(&self) -> DMat3 {
+        match self.link {
+            Link::Lattice(_) => DMat3::IDENTITY,
+            Link::Affine(m) => m.matrix3,
+        }
+    }
+
+    /// Displacement, in voxels of the input, of the output voxel `out` under the map. Taken as a difference in the world, so
+    /// that a point the map leaves alone stays exactly where it is.
+    #[inline]
+    pub fn displacement(&self, map: &dyn BackwardMap, out: DVec3) -> DVec3 {
+        let p = self.world_from_out.transform_point3(out);
+        self.in_from_world * (map.backward(p) - p)
+    }
+
+    /// Input coordinate of the output voxel `out` under the map.
+    #[inline]
+    pub fn source(&self, map: &dyn BackwardMap, out: DVec3) -> DVec3 {
+        snap(self.undisplaced(out) + self.displacement(map, out))
+    }
+}
+
+/// A box of whole voxels, both ends inside it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Span {
+    pub lo: [i64; 3],
+    pub hi: [i64; 3],
+}
+
+impl Span {
+    pub fn of(grid: &Grid) -> Self {
+        Self { lo: [0; 3], hi: grid.dims.map(|n| n as i64 - 1) }
+    }
+
+    fn hull(self, other: Self) -> Self {
+        Self {
+            lo: std::array::from_fn(|a| self.lo[a].min(other.lo[a])),
+            hi: std::array::from_fn(|a| self.hi[a].max(other.hi[a])),
+        }
+    }
+
+    /// Whether the boxes share a voxel or touch.
+    fn touches(&self, other: &Self) -> bool {
+        (0..3).all(|a| self.lo[a] <= other.hi[a].saturating_add(1) && other.lo[a] <= self.hi[a].saturating_add(1))
+    }
+
+    /// `None` if the count does not fit.
+    pub fn voxels(&self) -> Option<u64> {
+        (0..3).try_fold(1u64, |n, a| {
+            let edge = u64::try_from(self.hi[a].checked_sub(self.lo[a])?.checked_add(1)?).ok()?;
+            n.checked_mul(edge)
+        })
+    }
+}
+
+/// The voxels of the lattice `output` whose centres may lie in the bounds of an oriented box.
+pub(super) fn span_of_box(output: &Grid, support: &OrientedBox) -> Span {
+    let to = output.voxel_from_world();
+    let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for corner in support.corners() {
+        let p = to.transform_point3(corner);
+        (lo, hi) = (lo.min(p), hi.max(p));
+    }
+    // `as` saturates, which is what a box beyond all grids needs
+    let whole = |v: DVec3| [v.x as i64, v.y as i64, v.z as i64];
+    Span { lo: whole(lo.ceil()), hi: whole(hi.floor()) }
+}
+
+/// The voxels of the lattice of `output` where something of `input` can be: the input's texture cube and every support
+/// that touches it, directly or through other supports.
+pub(super) fn reached(input: &Grid, output: &Grid, supports: &[OrientedBox]) -> Span {
+    let from_input = output.voxel_from_world() * input.world_from_texture();
+    let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for corner in 0..8u8 {
+        let at = DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2 & 1));
+        let p = snap(from_input.transform_point3(at));
+        (lo, hi) = (lo.min(p), hi.max(p));
+    }
+    let whole = |v: DVec3| [v.x as i64, v.y as i64, v.z as i64];
+    let mut reached = vec![Span { lo: whole(lo.ceil()), hi: whole(hi.floor()) }];
+    let mut left: Vec<Span> = supports.iter().map(|b| span_of_box(output, b)).collect();
+    loop {
+        let (near, far): (Vec<_>, Vec<_>) = left.into_iter().partition(|s| reached.iter().any(|r| r.touches(s)));
+        if near.is_empty() {
+            break;
+        }
+        reached.extend(near);
+        left = far;
+    }
+    reached.into_iter().reduce(Span::hull).unwrap_or(Span { lo: [0; 3], hi: [0; 3] })
+}
+
+/// The grid before any growth.
+fn base(input: &Grid, choice: GridChoice) -> Result<Grid, ExportError> {
+    match choice {
+        GridChoice::Same | GridChoice::SameGrown => Ok(*input),
+        GridChoice::Given(grid) => Ok(Grid::new(grid.dims, grid.world_from_voxel, grid.space)?),
+        GridChoice::Spacing { spacing, .. } => {
+            if !(spacing.is_finite() && spacing.min_element() > 0.0) {
+                return Err(ExportError::Spacing(spacing));
+            }
+            let ratio = input.spacing() / spacing;
+            // a count that is whole up to rounding does not get another layer
+            let count = (input.size() * ratio - 1e-6).ceil().max(DVec3::ONE);
+            let dims = [count.x as usize, count.y as usize, count.z as usize];
+            let matrix = input.world_from_voxel.matrix3 * DMat3::from_diagonal(ratio.recip());
+            // the lower faces of both first voxels coincide
+            let origin = input.world_from_voxel.transform_point3(0.5 * (ratio.recip() - DVec3::ONE));
+            Ok(Grid::new(dims, DAffine3::from_mat3_translation(matrix, origin), input.space)?)
+        }
+    }
+}
+
+/// The output grid of a choice. `holds(grid, p)` tells whether there is material at voxel coordinate `p` of the
+/// ungrown grid.
+///
+/// # Errors
+/// If the spacing or the grid makes no sense, or the grid (for a grown one: the voxels to look at) exceeds `limit` voxels.
+pub(super) fn choose(
+    input: &Grid,
+    choice: GridChoice,
+    supports: &[OrientedBox],
+    limit: u64,
+    holds: impl Fn(&Grid, DVec3) -> bool + Sync,
+) -> Result<Grid, ExportError> {
+    let base = base(input, choice)?;
+    let check = |voxels: Option<u64>| match voxels {
+        Some(n) if n <= limit => Ok(()),
+        n => Err(ExportError::TooLarge { voxels: n.unwrap_or(u64::MAX), limit }),
+    };
+    let own = Span::of(&base);
+    check(own.voxels())?;
+    let grown = matches!(choice, GridChoice::SameGrown | GridChoice::Spacing { grown: true, .. });
+    if !grown {
+        return Ok(base);
+    }
+    let candidate = own.hull(reached(input, &base, supports));
+    check(candidate.voxels())?;
+    let span = tighten(candidate, own, supports, &base, |p| holds(&base, p));
+    let dims: [usize; 3] = std::array::from_fn(|a| (span.hi[a] - span.lo[a] + 1) as usize);
+    let lo = DVec3::new(span.lo[0] as f64, span.lo[1] as f64, span.lo[2] as f64);
+    let frame =
+        DAffine3::from_mat3_translation(base.world_from_voxel.matrix3, base.world_from_voxel.transform_point3(lo));
+    Ok(Grid::new(dims, frame, base.space)?)
+}
+
+/// Takes away the outer layers of `span` that hold nothing, down to `own`.
+fn tighten(
+    mut span: Span,
+    own: Span,
+    supports: &[OrientedBox],
+    grid: &Grid,
+    holds: impl Fn(DVec3) -> bool + Sync,
+) -> Span {
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let full = |span: &Span, at: i64| {
+            let (span, holds) = (*span, &holds);
+            (span.lo[v]..=span.hi[v]).into_par_iter().any(|b| {
+                (span.lo[u]..=span.hi[u]).any(|a| {
+                    let mut p = DVec3::ZERO;
+                    p[axis] = at as f64;
+                    p[u] = a as f64;
+                    p[v] = b as f64;
+                    let world = grid.world_from_voxel.transform_point3(p);
+                    supports.iter().any(|s| s.contains(world)) && holds(p)
+                })
+            })
+        };
+        while span.lo[axis] < own.lo[axis] && !full(&span, span.lo[axis]) {
+            span.lo[axis] += 1;
+        }
+        while span.hi[axis] > own.hi[axis] && !full(&span, span.hi[axis]) {
+            span.hi[axis] -= 1;
+        }
+    }
+    span
+}

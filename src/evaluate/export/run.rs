@@ -1,0 +1,321 @@
+//! The work itself: slabs of the output in parallel, block by block.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::grid::{Frame, Link, Span};
+use super::kernel::{Fetch, ROW, Scratch, Window};
+use super::shift::{Block, EDGE, Shifts, Supports};
+use super::{ExportError, ExportMap, Precision, Progress};
+use crate::volume::Grid;
+use crate::volume::sampling::{Interpolation, Sampler};
+
+/// A displacement from which a voxel counts as moved, in voxels of the input.
+pub(super) const MOVED: f64 = 1e-3;
+
+/// What happened to the voxels of a part of the output.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tally {
+    pub moved: u64,
+    pub outside: u64,
+}
+
+impl std::ops::AddAssign for Tally {
+    fn add_assign(&mut self, other: Self) {
+        self.moved += other.moved;
+        self.outside += other.outside;
+    }
+}
+
+/// Counts finished slabs and asks whether to go on.
+pub(super) struct Watch<'a> {
+    progress: Progress<'a>,
+    done: AtomicUsize,
+    total: usize,
+    stopped: AtomicBool,
+}
+
+impl<'a> Watch<'a> {
+    pub fn new(progress: Progress<'a>, total: usize) -> Self {
+        Self { progress, done: AtomicUsize::new(0), total: total.max(1), stopped: AtomicBool::new(false) }
+    }
+
+    pub fn stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    pub fn step(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        if (self.progress)(done as f64 / self.total as f64) == ControlFlow::Break(()) {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+    }
+
+    pub fn finish(&self) -> Result<(), ExportError> {
+        if self.stopped() { Err(ExportError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// Everything the voxels of an output need.
+pub(super) struct Job<'a, T> {
+    pub sampler: Sampler<'a, T>,
+    pub map: &'a dyn ExportMap,
+    pub frame: Frame,
+    pub supports: Supports,
+    pub interpolation: Interpolation,
+    pub precision: Precision,
+    /// One value for each channel.
+    pub outside: Vec<T>,
+}
+
+/// The arrays of one thread.
+struct Work<T> {
+    shifts: Shifts,
+    scratch: Scratch<T>,
+    at: [[f32; ROW]; 3],
+    row: Vec<T>,
+}
+
+impl<T: Fetch> Job<'_, T> {
+    fn work(&self) -> Work<T> {
+        Work {
+            shifts: Shifts::new(),
+            scratch: Scratch::new(),
+            at: [[0.0; ROW]; 3],
+            row: vec![T::zeroed(); ROW * self.sampler.channels()],
+        }
+    }
+
+    /// Fills the samples of the output grid.
+    pub fn fill(&self, output: &Grid, samples: &mut [T], progress: Progress<'_>) -> Result<Tally, ExportError> {
+        let [nx, ny, nz] = output.dims;
+        let channels = self.sampler.channels();
+        let slab = EDGE * nx * ny * channels;
+        let watch = Watch::new(progress, nz.div_ceil(EDGE));
+        let tally = samples
+            .par_chunks_mut(slab)
+            .enumerate()
+            .map_init(
+                || self.work(),
+                |work, (index, chunk)| {
+                    let mut tally = Tally::default();
+                    if watch.stopped() {
+                        return tally;
+                    }
+                    let bottom = index * EDGE;
+                    let depth = EDGE.min(nz - bottom);
+                    let span = Span {
+                        lo: [0, 0, bottom as i64],
+                        hi: [nx as i64 - 1, ny as i64 - 1, (bottom + depth) as i64 - 1],
+                    };
+                    self.blocks(&span, work, &mut tally, |i, j, k, row| {
+                        let at = (((k as usize - bottom) * ny + j as usize) * nx + i as usize) * channels;
+                        chunk[at..at + row.len()].copy_from_slice(row);
+                    });
+                    watch.step();
+                    tally
+                },
+            )
+            .reduce(Tally::default, |mut a, b| {
+                a += b;
+                a
+            });
+        watch.finish()?;
+        Ok(tally)
+    }
+
+    /// Voxels in `region`, on the lattice of the output, that hold something other than the outside value.
+    pub fn material(&self, region: &Span) -> u64 {
+        let [lo, hi] = [region.lo[2], region.hi[2]];
+        let slabs = (hi - lo + 1).max(0) as usize;
+        (0..slabs.div_ceil(EDGE))
+            .into_par_iter()
+            .map_init(
+                || self.work(),
+                |work, index| {
+                    let bottom = lo + (index * EDGE) as i64;
+                    let span = Span {
+                        lo: [region.lo[0], region.lo[1], bottom],
+                        hi: [region.hi[0], region.hi[1], hi.min(bottom + EDGE as i64 - 1)],
+                    };
+                    let mut count = 0;
+                    self.blocks(&span, work, &mut Tally::default(), |_, _, _, row| {
+                        let differs = |v: &&[T]| v.iter().zip(&self.outside).any(|(a, b)| a != b);
+                        count += row.chunks_exact(self.sampler.channels()).filter(differs).count() as u64;
+                    });
+                    count
+                },
+            )
+            .sum()
+    }
+
+    /// Hands every row of every block in a slab (at most [`EDGE`] layers) to the sink as `(i, j, k, samples)`.
+    fn blocks(&self, slab: &Span, work: &mut Work<T>, tally: &mut Tally, mut sink: impl FnMut(i64, i64, i64, &[T])) {
+        let depth = (slab.hi[2] - slab.lo[2] + 1) as usize;
+        for j in (slab.lo[1]..=slab.hi[1]).step_by(EDGE) {
+            for i in (slab.lo[0]..=slab.hi[0]).step_by(ROW) {
+                let size = [((slab.hi[0] - i + 1) as usize).min(ROW), ((slab.hi[1] - j + 1) as usize).min(EDGE), depth];
+                let block = Block { lo: [i, j, slab.lo[2]], size };
+                if self.precision == Precision::Reference {
+                    self.reference(&block, work, tally, &mut sink);
+                } else if self.supports.touch(&block) {
+                    work.shifts.fill(&self.frame, self.map, &self.supports, &block);
+                    self.displaced(&block, true, work, tally, &mut sink);
+                } else if let Link::Lattice(offset) = self.frame.link {
+                    self.copy(&block, offset, work, tally, &mut sink);
+                } else {
+                    self.displaced(&block, false, work, tally, &mut sink);
+                }
+            }
+        }
+    }
+
+    /// Every voxel by itself in `f64`, whether a support is near or not.
+    fn reference(
+        &self,
+        block: &Block,
+        work: &mut Work<T>,
+        tally: &mut Tally,
+        sink: &mut impl FnMut(i64, i64, i64, &[T]),
+    ) {
+        let channels = self.sampler.channels();
+        for k in 0..block.size[2] {
+            for j in 0..block.size[1] {
+                let row = &mut work.row[..block.size[0] * channels];
+                for (i, value) in row.chunks_exact_mut(channels).enumerate() {
+                    let voxel = block.voxel(i, j, k);
+                    let source = self.frame.source(self.map, voxel);
+                    let shift = source - self.frame.undisplaced(voxel);
+                    tally.moved += u64::from(!(shift.abs().max_element() <= MOVED));
+                    if !self.sampler.sample(self.interpolation, source, value) {
+                        value.copy_from_slice(&self.outside);
+                        tally.outside += 1;
+                    }
+                }
+                sink(block.lo[0], block.lo[1] + j as i64, block.lo[2] + k as i64, row);
+            }
+        }
+    }
+
+    /// Nothing moves and the lattices are the same: samples are copied.
+    fn copy(
+        &self,
+        block: &Block,
+        offset: [i64; 3],
+        work: &mut Work<T>,
+        tally: &mut Tally,
+        sink: &mut impl FnMut(i64, i64, i64, &[T]),
+    ) {
+        let channels = self.sampler.channels();
+        let dims = self.sampler.dims().map(|n| n as i64);
+        let samples = self.sampler.samples();
+        let from: [i64; 3] = std::array::from_fn(|a| block.lo[a].saturating_add(offset[a]));
+        let width = block.size[0] as i64;
+        // the part of the row that lies in the input
+        let (begin, end) = ((-from[0]).clamp(0, width), (dims[0] - from[0]).clamp(0, width));
+        for k in 0..block.size[2] {
+            for j in 0..block.size[1] {
+                let (y, z) = (from[1] + j as i64, from[2] + k as i64);
+                let at = (block.lo[0], block.lo[1] + j as i64, block.lo[2] + k as i64);
+                let inside = (0..dims[1]).contains(&y) && (0..dims[2]).contains(&z) && begin < end;
+                let line = if inside { ((z * dims[1] + y) * dims[0]) as usize } else { 0 };
+                if inside && begin == 0 && end == width {
+                    let start = (line + from[0] as usize) * channels;
+                    sink(at.0, at.1, at.2, &samples[start..start + block.size[0] * channels]);
+                    continue;
+                }
+                let row = &mut work.row[..block.size[0] * channels];
+                for voxel in row.chunks_exact_mut(channels) {
+                    voxel.copy_from_slice(&self.outside);
+                }
+                let mut found = 0;
+                if inside {
+                    let start = (line + (from[0] + begin) as usize) * channels;
+                    found = (end - begin) as usize;
+                    row[begin as usize * channels..end as usize * channels]
+                        .copy_from_slice(&samples[start..start + found * channels]);
+                }
+                tally.outside += (block.size[0] - found) as u64;
+                sink(at.0, at.1, at.2, row);
+            }
+        }
+    }
+
+    /// Looks the samples up at the undisplaced coordinates plus, if `shifted`, the block's shifts.
+    fn displaced(
+        &self,
+        block: &Block,
+        shifted: bool,
+        work: &mut Work<T>,
+        tally: &mut Tally,
+        sink: &mut impl FnMut(i64, i64, i64, &[T]),
+    ) {
+        let channels = self.sampler.channels();
+        let steps = self.frame.steps();
+        let first = self.frame.undisplaced(block.first());
+        let base = first.floor();
+        let window = Window::new(self.sampler, [base.x as i64, base.y as i64, base.z as i64]);
+        let count = block.size[0];
+        for k in 0..block.size[2] {
+            for j in 0..block.size[1] {
+                let start = first - base + steps.y_axis * j as f64 + steps.z_axis * k as f64;
+                for a in 0..3 {
+                    let (x, step) = (start[a] as f32, steps.x_axis[a] as f32);
+                    for (l, at) in work.at[a].iter_mut().enumerate() {
+                        *at = x + step * l as f32;
+                    }
+                }
+                if shifted {
+                    let shift = &work.shifts.rows[k * EDGE + j];
+                    tally.moved += moved(shift, count);
+                    for a in 0..3 {
+                        for (at, s) in work.at[a].iter_mut().zip(&shift[a]) {
+                            *at += s;
+                        }
+                    }
+                }
+                // lanes beyond the block must not make the row look as if it left the volume
+                for at in &mut work.at {
+                    let last = at[count - 1];
+                    at[count..].fill(last);
+                }
+                let row = &mut work.row[..count * channels];
+                let at = [&work.at[0], &work.at[1], &work.at[2]];
+                let outside = if self.interpolation == Interpolation::Linear {
+                    window.linear(at, &self.outside, &mut work.scratch, row)
+                } else {
+                    self.single(at, base, row)
+                };
+                tally.outside += outside as u64;
+                sink(block.lo[0], block.lo[1] + j as i64, block.lo[2] + k as i64, row);
+            }
+        }
+    }
+
+    /// A row of look-ups by the reference sampler.
+    fn single(&self, at: [&[f32; ROW]; 3], base: DVec3, row: &mut [T]) -> usize {
+        let mut outside = 0;
+        for (l, value) in row.chunks_exact_mut(self.sampler.channels()).enumerate() {
+            let p = base + DVec3::new(f64::from(at[0][l]), f64::from(at[1][l]), f64::from(at[2][l]));
+            if !self.sampler.sample(self.interpolation, p, value) {
+                value.copy_from_slice(&self.outside);
+                outside += 1;
+            }
+        }
+        outside
+    }
+}
+
+fn moved(shift: &[[f32; ROW]; 3], count: usize) -> u64 {
+    let mut far = [false; ROW];
+    for axis in shift {
+        for (f, s) in far.iter_mut().zip(axis) {
+            // NaN counts as moved
+            *f |= !(s.abs() <= MOVED as f32);
+        }
+    }
+    far[..count].iter().map(|&f| u64::from(f)).sum()
+}

@@ -1,0 +1,352 @@
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::cull::{Visibility, cull};
+use super::layout::ObjectUniform;
+use super::resolve::{PixelTarget, ResolvePass};
+use super::shader::{Mode, Variant};
+use super::slicing::{GeometryBuffers, SliceTarget, SlicingPass, common_jacobian};
+use super::timing::{Timer, Timings};
+use super::volume::VolumeTexture;
+use super::{Gpu, GpuError};
+use crate::render::{ClassTable, Field, Frame, Picture, SliceGeometry, TABLE_SIZE};
+
+/// The volume on the device: bind group 1.
+#[derive(Debug)]
+struct Object {
+    field: Field,
+    uniform: wgpu::Buffer,
+    group: wgpu::BindGroup,
+}
+
+/// The slices to draw.
+#[derive(Debug)]
+struct Slices {
+    source: Arc<SliceGeometry>,
+    /// The Jacobian, where it is the same everywhere.
+    jacobian: Option<[f32; 9]>,
+    /// What the buffers were culled for: window and mode; `None` if they are out of date.
+    culled_for: Option<([f32; 4], u32)>,
+}
+
+/// Draws slice geometry of a field on the GPU. Everything on the device is kept and used again between pictures.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Arc<Gpu>,
+    frame_uniform: wgpu::Buffer,
+    frame_group: wgpu::BindGroup,
+    object_layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+    table_texture: wgpu::Texture,
+    table: Option<Arc<ClassTable>>,
+    object: Option<Object>,
+    slices: Option<Slices>,
+    geometry: GeometryBuffers,
+    slicing: SlicingPass,
+    resolve: ResolvePass,
+    targets: Option<(SliceTarget, PixelTarget)>,
+    timer: Option<Timer>,
+    timings: Timings,
+}
+
+impl Renderer {
+    /// # Errors
+    /// [`GpuError::OutOfMemory`] or [`GpuError::Refusal`].
+    pub fn new(gpu: Arc<Gpu>) -> Result<Self, GpuError> {
+        use wgpu::ShaderStages as S;
+        let device = &gpu.device;
+        let frame_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("frame"),
+            entries: &[uniform_entry(0, S::VERTEX_FRAGMENT)],
+        });
+        let texture = |binding, sample_type, view_dimension| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: S::FRAGMENT,
+            ty: wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
+            count: None,
+        };
+        let sampler = |binding| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: S::FRAGMENT,
+            ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+            count: None,
+        };
+        let filtered = wgpu::TextureSampleType::Float { filterable: true };
+        let object_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("object"),
+            entries: &[
+                uniform_entry(0, S::FRAGMENT),
+                texture(1, filtered, wgpu::TextureViewDimension::D3),
+                sampler(2),
+                texture(3, filtered, wgpu::TextureViewDimension::D2),
+                sampler(4),
+            ],
+        });
+        let frame_uniform = uniform_buffer(&gpu, "frame", size_of::<Frame>());
+        let frame_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("frame"),
+            layout: &frame_layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: frame_uniform.as_entire_binding() }],
+        });
+        let linear = wgpu::FilterMode::Linear;
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("trilinear, clamped to the edge"),
+            mag_filter: linear,
+            min_filter: linear,
+            ..Default::default()
+        });
+        let table_texture = gpu.allocate("the transfer function", 1 << 20, || table_texture(&gpu))?;
+        let slicing = SlicingPass::new(&gpu, &frame_layout, &object_layout);
+        let resolve = ResolvePass::new(&gpu, &frame_layout)?;
+        let geometry = GeometryBuffers::new(&gpu)?;
+        let timer = Timer::new(&gpu);
+        gpu.check()?;
+        Ok(Self {
+            gpu,
+            frame_uniform,
+            frame_group,
+            object_layout,
+            sampler,
+            table_texture,
+            table: None,
+            object: None,
+            slices: None,
+            geometry,
+            slicing,
+            resolve,
+            targets: None,
+            timer,
+            timings: Timings::default(),
+        })
+    }
+
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Uploads a field. It stays until another one is set.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]; then nothing is set.
+    pub fn set_field(&mut self, field: &Field) -> Result<(), GpuError> {
+        // before the new volume, or both would be held at once
+        self.object = None;
+        let gpu = &self.gpu;
+        let volume = VolumeTexture::upload(gpu, field)?;
+        let uniform = uniform_buffer(gpu, "object", size_of::<ObjectUniform>());
+        let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
+        let table = view(&self.table_texture);
+        let resources = [
+            uniform.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&volume.view),
+            wgpu::BindingResource::Sampler(&self.sampler),
+            wgpu::BindingResource::TextureView(&table),
+            wgpu::BindingResource::Sampler(&self.sampler),
+        ];
+        let entries: Vec<_> = resources
+            .into_iter()
+            .zip(0..)
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("object"),
+            layout: &self.object_layout,
+            entries: &entries,
+        });
+        gpu.check()?;
+        self.object = Some(Object { field: field.clone(), uniform, group });
+        self.stale();
+        Ok(())
+    }
+
+    /// Uploads the table of a transfer function.
+    pub fn set_table(&mut self, table: &Arc<ClassTable>) {
+        if self.table.as_ref().is_some_and(|t| Arc::ptr_eq(t, table)) {
+            return;
+        }
+        let floats: &[f32] = table.entries.as_flattened();
+        let bytes = match self.table_texture.format() {
+            wgpu::TextureFormat::Rgba32Float => bytemuck::cast_slice(floats).to_vec(),
+            _ => floats.iter().flat_map(|&v| half::f16::from_f32(v).to_ne_bytes()).collect(),
+        };
+        write_texture(&self.gpu, &self.table_texture, &bytes);
+        self.table = Some(table.clone());
+        self.stale();
+    }
+
+    /// Takes slice geometry, which is uploaded with the next picture. It stays until another one is set.
+    pub fn set_geometry(&mut self, geometry: &Arc<SliceGeometry>) {
+        if self.slices.as_ref().is_some_and(|s| Arc::ptr_eq(&s.source, geometry)) {
+            return;
+        }
+        let jacobian = common_jacobian(geometry);
+        self.slices = Some(Slices { source: geometry.clone(), jacobian, culled_for: None });
+    }
+
+    /// The slices must be culled again.
+    fn stale(&mut self) {
+        if let Some(slices) = &mut self.slices {
+            slices.culled_for = None;
+        }
+    }
+
+    /// Culls and uploads the slices if what is on the device is out of date.
+    fn update_geometry(&mut self, frame: &Frame) -> Result<(), GpuError> {
+        let (Some(slices), Some(object), Some(table)) = (&mut self.slices, &self.object, &self.table) else {
+            return Ok(());
+        };
+        let key = (frame.window, frame.size[2]);
+        if slices.culled_for != Some(key) {
+            let culled = Visibility::new(&object.field, table, frame).map(|v| cull(&slices.source, v));
+            self.geometry.upload(&self.gpu, &slices.source, culled.as_ref())?;
+            slices.culled_for = Some(key);
+        }
+        Ok(())
+    }
+
+    /// Draws a picture of what was set. A frame without field or table shows the background.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`] for the picture, and what the device reports.
+    pub fn draw(&mut self, frame: &Frame) -> Result<Picture, GpuError> {
+        let [width, height, mode, _] = frame.size;
+        self.resize(width, height)?;
+        self.gpu.queue.write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(frame));
+        let start = Instant::now();
+        self.update_geometry(frame)?;
+        let mut variant = None;
+        if let (Some(object), Some(table), Some(slices)) = (&self.object, &self.table, &self.slices) {
+            object.update(&self.gpu, slices.jacobian);
+            let v = Variant {
+                mode: match mode {
+                    Frame::ISO => Mode::Iso,
+                    Frame::MIP => Mode::Mip,
+                    _ => Mode::Volume,
+                },
+                lit: frame.has(Frame::LIT),
+                preintegrated: table.preintegrated,
+                forward: frame.has(Frame::FORWARD),
+                perspective: frame.eye[3] != 0.0,
+                rgba: object.field.channels == 4,
+                affine: slices.jacobian.is_some(),
+            };
+            self.slicing.prepare(&self.gpu, v)?;
+            variant = Some((v, object));
+        }
+        let Some((slices, pixels)) = &self.targets else { return Err(GpuError::Refusal("no picture".into())) };
+        let mut encoder =
+            self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        let stamps = |pass| self.timer.as_ref().map(|t| t.pass(pass));
+        self.slicing.run(
+            &mut encoder,
+            slices,
+            variant.map(|(v, o)| (v, [&self.frame_group, &o.group])),
+            &self.geometry,
+            stamps(0),
+        );
+        self.resolve.run(&mut encoder, pixels, &self.frame_group, mode == Frame::MIP, stamps(1));
+        if let Some(timer) = &self.timer {
+            timer.finish(&mut encoder);
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        let picture = pixels.read(&self.gpu)?;
+        self.timings = Timings { frame: start.elapsed().as_secs_f64() * 1e3, ..Timings::default() };
+        if let Some(timer) = &self.timer {
+            let [slicing, resolve] = timer.read(&self.gpu)?;
+            (self.timings.slicing, self.timings.resolve) = (Some(slicing), Some(resolve));
+        }
+        Ok(picture)
+    }
+
+    /// Times of the last picture.
+    pub fn timings(&self) -> Timings {
+        self.timings
+    }
+
+    fn resize(&mut self, width: u32, height: u32) -> Result<(), GpuError> {
+        if self.targets.as_ref().is_some_and(|(_, p)| (p.width(), p.height()) == (width, height)) {
+            return Ok(());
+        }
+        let limit = self.gpu.limits().max_texture_dimension_2d;
+        if width == 0 || height == 0 || width.max(height) > limit {
+            return Err(GpuError::TooLarge {
+                what: "a picture",
+                size: format!("{width}x{height} pixels"),
+                limit: format!("{limit} pixels along each side (and at least 1)"),
+            });
+        }
+        self.targets = None;
+        let slices = SliceTarget::new(&self.gpu, width, height)?;
+        let pixels = self.resolve.target(&self.gpu, &slices, width, height)?;
+        self.targets = Some((slices, pixels));
+        Ok(())
+    }
+}
+
+impl Object {
+    fn update(&self, gpu: &Gpu, jacobian: Option<[f32; 9]>) {
+        let [x, y, z] = self.field.grid.dims.map(|n| 1.0 / n as f32);
+        let j = jacobian.unwrap_or_default();
+        let uniform = ObjectUniform {
+            texel: [x, y, z, 0.0],
+            jacobian: std::array::from_fn(|c| [j[3 * c], j[3 * c + 1], j[3 * c + 2], 0.0]),
+        };
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+    }
+}
+
+fn uniform_entry(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    }
+}
+
+fn uniform_buffer(gpu: &Gpu, label: &str, size: usize) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: size as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn table_texture(gpu: &Gpu) -> wgpu::Texture {
+    let side = TABLE_SIZE as u32;
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("transfer function"),
+        size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: if gpu.capabilities().filter_float32 {
+            wgpu::TextureFormat::Rgba32Float
+        } else {
+            wgpu::TextureFormat::Rgba16Float
+        },
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+/// Replaces all of a texture.
+fn write_texture(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8]) {
+    let size = texture.size();
+    let rows = size.height * size.depth_or_array_layers;
+    gpu.queue.write_texture(
+        texture.as_image_copy(),
+        bytes,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(bytes.len() as u32 / rows),
+            rows_per_image: Some(size.height),
+        },
+        size,
+    );
+}

@@ -1,0 +1,85 @@
+//! Shaders are put together from the shared pieces in `shaders/`, headed by the constants of a variant.
+//!
+//! WGSL has no preprocessor. Branches on the constants below are gone after the driver's constant folding, so a variant
+//! costs nothing where it does not apply. `tests/shaders.rs` parses and validates every one of them.
+
+use std::fmt::Write;
+
+const COMMON: &str = include_str!("../../shaders/common.wgsl");
+const FIELD: &str = include_str!("../../shaders/field.wgsl");
+const SHADE: &str = include_str!("../../shaders/shade.wgsl");
+const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
+const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
+
+/// How fragments end up in the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Mode {
+    Volume,
+    Iso,
+    Mip,
+}
+
+impl Mode {
+    pub const ALL: [Self; 3] = [Self::Volume, Self::Iso, Self::Mip];
+
+    /// The fragment entry point.
+    pub fn entry(self) -> &'static str {
+        match self {
+            Self::Volume => "volume_main",
+            Self::Iso => "iso_main",
+            Self::Mip => "mip_main",
+        }
+    }
+}
+
+/// A variant of the slicing shader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Variant {
+    pub mode: Mode,
+    pub lit: bool,
+    pub preintegrated: bool,
+    /// Forward differences towards the light instead of central ones.
+    pub forward: bool,
+    pub perspective: bool,
+    pub rgba: bool,
+    /// The Jacobian is the same everywhere: nothing is deformed.
+    pub affine: bool,
+}
+
+impl Variant {
+    /// The shader's source.
+    pub fn source(&self) -> String {
+        let mut source = String::new();
+        for (name, on) in [
+            ("ISO", self.mode == Mode::Iso),
+            ("LIT", self.lit),
+            ("PREINTEGRATED", self.preintegrated),
+            ("FORWARD", self.forward),
+            ("PERSPECTIVE", self.perspective),
+            ("RGBA", self.rgba),
+            ("AFFINE", self.affine),
+        ] {
+            // writing to a string cannot fail
+            let _ = writeln!(source, "const {name}: bool = {on};");
+        }
+        source + COMMON + FIELD + SHADE + SLICING
+    }
+
+    /// Every variant, for the test that validates them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..Mode::ALL.len() << 6).map(|i| Self {
+            mode: Mode::ALL[i >> 6],
+            lit: i & 1 != 0,
+            preintegrated: i & 2 != 0,
+            forward: i & 4 != 0,
+            perspective: i & 8 != 0,
+            rgba: i & 16 != 0,
+            affine: i & 32 != 0,
+        })
+    }
+}
+
+/// The shader that turns the accumulated picture into pixels.
+pub fn resolve(mip: bool) -> String {
+    format!("const MIP: bool = {mip};\n{COMMON}{RESOLVE}")
+}

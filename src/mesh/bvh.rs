@@ -1,0 +1,200 @@
+//! A tree of boxes, to find which of many boxes overlap one.
+
+use glam::DVec3;
+
+const LEAF: usize = 4;
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Aabb {
+    pub lo: DVec3,
+    pub hi: DVec3,
+}
+
+impl Aabb {
+    pub fn around(points: &[DVec3]) -> Self {
+        let none = Self { lo: DVec3::INFINITY, hi: DVec3::NEG_INFINITY };
+        points.iter().fold(none, |b, p| Self { lo: b.lo.min(*p), hi: b.hi.max(*p) })
+    }
+
+    /// Whether the closed boxes share a point.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.lo.cmple(other.hi).all() && other.lo.cmple(self.hi).all()
+    }
+
+    /// The point of the box nearest to `p`: `p` itself if inside.
+    pub fn nearest(&self, p: DVec3) -> DVec3 {
+        p.clamp(self.lo, self.hi)
+    }
+
+    fn union(&self, other: &Self) -> Self {
+        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+    }
+}
+
+struct Node {
+    bounds: Aabb,
+    /// A leaf holds `items[first..first + count]`; an inner node (count 0) has its children right behind it and at `first`.
+    first: u32,
+    count: u32,
+}
+
+pub(super) struct Bvh {
+    nodes: Vec<Node>,
+    items: Vec<u32>,
+    boxes: Vec<Aabb>,
+}
+
+impl Bvh {
+    pub fn new(boxes: Vec<Aabb>) -> Self {
+        let mut tree = Self { nodes: Vec::new(), items: (0..boxes.len() as u32).collect(), boxes };
+        if !tree.items.is_empty() {
+            tree.build(0, tree.items.len());
+        }
+        tree
+    }
+
+    pub fn bounds_of(&self, item: u32) -> &Aabb {
+        &self.boxes[item as usize]
+    }
+
+    /// Halves the items in the middle of the longest side of their box, so that the depth is logarithmic for any input.
+    fn build(&mut self, start: usize, end: usize) {
+        let boxes = &self.boxes;
+        let items = &mut self.items[start..end];
+        let bounds = items.iter().map(|&i| boxes[i as usize]).reduce(|a, b| a.union(&b));
+        let Some(bounds) = bounds else { return };
+        let at = self.nodes.len();
+        self.nodes.push(Node { bounds, first: start as u32, count: (end - start) as u32 });
+        if end - start <= LEAF {
+            return;
+        }
+        let size = bounds.hi - bounds.lo;
+        let axis = if size.x >= size.y && size.x >= size.z {
+            0
+        } else if size.y >= size.z {
+            1
+        } else {
+            2
+        };
+        let middle = (end - start) / 2;
+        let center = |i: u32| boxes[i as usize].lo[axis] + boxes[i as usize].hi[axis];
+        items.select_nth_unstable_by(middle, |&a, &b| center(a).total_cmp(&center(b)));
+        self.build(start, start + middle);
+        self.nodes[at].first = self.nodes.len() as u32;
+        self.nodes[at].count = 0;
+        self.build(start + middle, end);
+    }
+
+    /// The point nearest to `p` in any box, if it is less than `reach` away (or `p` lies in a box).
+    pub fn nearest(&self, p: DVec3, reach: f64) -> Option<DVec3> {
+        let mut best = (reach * reach, None);
+        let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![0u32] };
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            let distance = |b: &Aabb| b.nearest(p).distance_squared(p);
+            let d = distance(&node.bounds);
+            if d >= best.0 && d > 0.0 {
+                continue;
+            }
+            if node.count == 0 {
+                let (left, right) = (at + 1, node.first);
+                let far_left =
+                    distance(&self.nodes[left as usize].bounds) > distance(&self.nodes[right as usize].bounds);
+                stack.extend(if far_left { [left, right] } else { [right, left] });
+                continue;
+            }
+            for &i in &self.items[node.first as usize..(node.first + node.count) as usize] {
+                let q = self.boxes[i as usize].nearest(p);
+                let d = q.distance_squared(p);
+                if d < best.0 || d == 0.0 {
+                    best = (d, Some(q));
+                    if d == 0.0 {
+                        return Some(q);
+                    }
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Calls `found` for every item whose box overlaps `query`, in no order.
+    pub fn overlapping(&self, query: &Aabb, mut found: impl FnMut(u32)) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let mut stack = vec![0u32];
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            if !node.bounds.overlaps(query) {
+                continue;
+            }
+            if node.count == 0 {
+                stack.extend([at + 1, node.first]);
+                continue;
+            }
+            for &i in &self.items[node.first as usize..(node.first + node.count) as usize] {
+                if self.boxes[i as usize].overlaps(query) {
+                    found(i);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_point_is_that_of_a_full_search() {
+        let boxes: Vec<Aabb> = (0..200)
+            .map(|i| {
+                let lo = DVec3::new((i * 37 % 101) as f64, (i * 53 % 97) as f64, (i * 71 % 89) as f64);
+                Aabb { lo, hi: lo + DVec3::new((i % 3) as f64, 1.0, (i % 5) as f64) }
+            })
+            .collect();
+        let tree = Bvh::new(boxes.clone());
+        for i in 0..300 {
+            let p =
+                DVec3::new((i * 29 % 120) as f64 - 10.0, (i * 31 % 117) as f64 - 10.0, (i * 41 % 113) as f64 - 10.0);
+            let full = boxes.iter().map(|b| b.nearest(p).distance(p)).fold(f64::INFINITY, f64::min);
+            let found = tree.nearest(p, f64::INFINITY).map(|q| q.distance(p));
+            assert_eq!(found, Some(full));
+            assert_eq!(tree.nearest(p, full * 0.999).is_some(), full == 0.0);
+        }
+        assert_eq!(Bvh::new(Vec::new()).nearest(DVec3::ZERO, f64::INFINITY), None);
+    }
+
+    #[test]
+    fn finds_what_a_full_search_finds() {
+        let mut seed = 1u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((seed >> 33) % 50) as f64
+        };
+        for n in [0, 1, 4, 5, 300] {
+            let boxes: Vec<Aabb> = (0..n)
+                .map(|_| {
+                    let lo = DVec3::new(random(), random(), random());
+                    Aabb { lo, hi: lo + DVec3::new(random(), random(), random()) * 0.1 }
+                })
+                .collect();
+            let tree = Bvh::new(boxes.clone());
+            for q in &boxes {
+                let mut found = Vec::new();
+                tree.overlapping(q, |i| found.push(i as usize));
+                found.sort_unstable();
+                assert_eq!(found, (0..n).filter(|&i| boxes[i].overlaps(q)).collect::<Vec<_>>());
+            }
+        }
+    }
+
+    #[test]
+    fn a_thousand_equal_boxes_make_no_deep_tree() {
+        let tree = Bvh::new(vec![Aabb { lo: DVec3::ZERO, hi: DVec3::ONE }; 1000]);
+        let mut n = 0;
+        tree.overlapping(&Aabb { lo: DVec3::ONE, hi: DVec3::ONE }, |_| n += 1);
+        assert_eq!(n, 1000);
+    }
+}

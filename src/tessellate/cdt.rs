@@ -1,0 +1,161 @@
+//! spade's constrained Delaunay triangulation.
+
+use std::collections::HashMap;
+
+use glam::DVec2;
+use spade::handles::FixedVertexHandle;
+use spade::{
+    AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation as _,
+};
+
+use super::{Limits, Polygon};
+
+/// A vertex that knows which point of the outline it is.
+#[derive(Debug, Clone, Copy)]
+struct Vertex {
+    at: Point2<f64>,
+    id: u32,
+}
+
+/// Stands for a vertex that the outline does not have.
+const ADDED: u32 = u32::MAX;
+
+impl HasPosition for Vertex {
+    type Scalar = f64;
+
+    fn position(&self) -> Point2<f64> {
+        self.at
+    }
+}
+
+impl From<Point2<f64>> for Vertex {
+    fn from(at: Point2<f64>) -> Self {
+        Self { at, id: ADDED }
+    }
+}
+
+type Cdt = ConstrainedDelaunayTriangulation<Vertex>;
+
+/// More refinement than this many points for each point of the outline, and this many at all, is not asked for.
+const MOST_ADDED: (usize, usize) = (200, 20_000);
+
+/// Triangulates what the outline winds round. Points may touch, edges may cross. Leaves nothing out but what spade
+/// cannot represent (coordinates beyond 1e60).
+pub(super) fn run(polygon: &Polygon, limits: Limits, triangles: &mut Vec<[u32; 3]>, extra: &mut Vec<DVec2>) {
+    // spade takes each place once; -0 is 0
+    let mut place_of = HashMap::new();
+    let mut vertices: Vec<Vertex> = Vec::new();
+    let mut edges = Vec::new();
+    for (points, first) in polygon.loops() {
+        let mut places = points.iter().zip(first..).map(|(p, id)| {
+            let p = *p + DVec2::ZERO;
+            *place_of.entry([p.x.to_bits(), p.y.to_bits()]).or_insert_with(|| {
+                vertices.push(Vertex { at: spade::mitigate_underflow(Point2::new(p.x, p.y)), id });
+                vertices.len() - 1
+            })
+        });
+        let Some(start) = places.next() else { continue };
+        let mut from = start;
+        for to in places.chain([start]) {
+            if from != to {
+                edges.push([from, to]);
+            }
+            from = to;
+        }
+    }
+    let mut crossing = Vec::new();
+    let Ok(mut cdt) = Cdt::try_bulk_load_cdt(vertices, edges, |e| crossing.push(e)) else { return };
+    // bulk loading leaves out edges that cross others; splitting takes them
+    for [a, b] in crossing {
+        let ends = [a, b].map(FixedVertexHandle::from_index);
+        cdt.add_constraint_and_split(ends[0], ends[1], Vertex::from);
+    }
+    if limits.min_angle > 0.0 || limits.max_area > 0.0 && limits.max_area.is_finite() {
+        refine(&mut cdt, limits, polygon.area());
+    }
+
+    let inside = inside(&cdt, polygon);
+    let mut ids: Vec<u32> = cdt.vertices().map(|v| v.data().id).collect();
+    for face in cdt.inner_faces() {
+        if inside[face.fix().index()] {
+            triangles.push(face.vertices().map(|v| {
+                let id = &mut ids[v.fix().index()];
+                if *id == ADDED {
+                    *id = (polygon.outlines.points.len() + extra.len()) as u32;
+                    extra.push(to_dvec(v.position()));
+                }
+                *id
+            }));
+        }
+    }
+}
+
+fn refine(cdt: &mut Cdt, limits: Limits, area: f64) {
+    let mut parameters = RefinementParameters::new()
+        .exclude_outer_faces(true)
+        .with_angle_limit(AngleLimit::from_deg(limits.min_angle.clamp(0.0, 30.0)))
+        // slivers between almost parallel edges of the outline cannot be cured
+        .with_min_required_area(1e-9 * area.abs())
+        .with_max_additional_vertices((MOST_ADDED.0 * cdt.num_vertices()).min(MOST_ADDED.1));
+    if limits.max_area.is_finite() && limits.max_area > 0.0 {
+        parameters = parameters.with_max_allowed_area(limits.max_area.max(1e-8 * area.abs()));
+    }
+    if limits.keep_outline {
+        parameters = parameters.keep_constraint_edges();
+    }
+    cdt.refine(parameters);
+}
+
+/// For each face whether the outline winds round it. Faces that no constraint parts have the same answer, so that it is
+/// found once for each such patch, in the middle of its largest face.
+fn inside(cdt: &Cdt, polygon: &Polygon) -> Vec<bool> {
+    let mut inside = vec![false; cdt.num_all_faces()];
+    let mut seen = inside.clone();
+    let mut patch = Vec::new();
+    for start in cdt.inner_faces() {
+        if std::mem::replace(&mut seen[start.fix().index()], true) {
+            continue;
+        }
+        patch.clear();
+        patch.push(start);
+        let mut next = 0;
+        while let Some(&face) = patch.get(next) {
+            next += 1;
+            for edge in face.adjacent_edges() {
+                if let Some(other) = edge.rev().face().as_inner()
+                    && !edge.is_constraint_edge()
+                    && !std::mem::replace(&mut seen[other.fix().index()], true)
+                {
+                    patch.push(other);
+                }
+            }
+        }
+        let largest = patch.iter().max_by(|a, b| a.area().total_cmp(&b.area()));
+        if largest.is_some_and(|f| winding(polygon, to_dvec(f.center())) > 0) {
+            patch.iter().for_each(|f| inside[f.fix().index()] = true);
+        }
+    }
+    inside
+}
+
+/// How often the loops run anticlockwise round a point.
+fn winding(polygon: &Polygon, p: DVec2) -> i32 {
+    let mut n = 0;
+    for (points, _) in polygon.loops() {
+        let Some(mut a) = points.last().copied() else { continue };
+        for &b in points {
+            if (a.y > p.y) != (b.y > p.y) {
+                let left = (b - a).perp_dot(p - a) > 0.0;
+                if left == (b.y > a.y) {
+                    n += if left { 1 } else { -1 };
+                }
+            }
+            a = b;
+        }
+    }
+    n
+}
+
+fn to_dvec(p: Point2<f64>) -> DVec2 {
+    DVec2::new(p.x, p.y)
+}
