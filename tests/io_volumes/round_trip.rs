@@ -76,15 +76,15 @@ proptest! {
         origin in prop::array::uniform3(-2e3f64..2e3),
         kind in 0usize..5,
         space in 0usize..3,
-        rescaled in any::<bool>(),
+        rescale in prop::option::of((1e-4f64..50.0, -2e3f64..2e3)),
         seed in any::<u64>(),
     ) {
         let folder = Folder::new();
         let space = [Space::Unknown, Space::Ras, Space::Lps][space];
         let frame = frame(kind, DVec3::from_array(spacing), DVec3::from_array(origin));
         let mut v = volume(ScalarType::ALL[scalar], channels, dims, frame, space, seed);
-        if rescaled {
-            v.rescale = Rescale { slope: 0.0039200000464916, intercept: -1024.5 };
+        if let Some((slope, intercept)) = rescale {
+            v.rescale = Rescale { slope, intercept };
         }
         for keeps in formats() {
             let path = folder.path(keeps.name);
