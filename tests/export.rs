@@ -15,8 +15,10 @@ use voxclay::volume::{Grid, Rescale, Samples, Scalar, Space, Volume};
 
 // ------------------------------------------------------------------------------------------------ maps
 
-fn everywhere() -> Vec<OrientedBox> {
-    vec![OrientedBox { center: DVec3::ZERO, axes: DMat3::IDENTITY, half: DVec3::splat(300.0) }]
+/// A box around a grid with some room.
+fn around(grid: &Grid, room: f64) -> Vec<OrientedBox> {
+    let (lo, hi) = grid.bounds();
+    vec![OrientedBox { center: 0.5 * (lo + hi), axes: DMat3::IDENTITY, half: 0.5 * (hi - lo) + room }]
 }
 
 /// A map of its own formula; the export does not ask for derivatives.
@@ -40,12 +42,13 @@ impl<F: Fn(DVec3) -> DVec3 + Sync> BackwardMap for Formula<F> {
 impl<F: Fn(DVec3) -> DVec3 + Sync> ExportMap for Formula<F> {}
 
 /// What is at p is seen at p + vector.
-fn shift(vector: DVec3) -> impl ExportMap {
-    Formula { backward: move |p| p - vector, supports: everywhere() }
+fn shift(grid: &Grid, vector: DVec3) -> impl ExportMap + use<> {
+    Formula { backward: move |p| p - vector, supports: around(grid, vector.length() + 1.0) }
 }
 
-fn turn(about: DVec3, backward: DMat3) -> impl ExportMap {
-    Formula { backward: move |p| about + backward * (p - about), supports: everywhere() }
+fn turn(grid: &Grid, backward: DMat3) -> impl ExportMap + use<> {
+    let about = grid.center();
+    Formula { backward: move |p| about + backward * (p - about), supports: around(grid, 10.0) }
 }
 
 /// Smooth pulls inside oriented boxes, the last undone first: vector * product of (1 - t^2)^3.
@@ -193,12 +196,12 @@ fn the_identity_is_bit_exact_for_all_types_channels_and_ways() {
                     let options = ExportOptions { interpolation, precision, ..same() };
                     // once without supports, and once with a box that moves nothing
                     let (a, report) = run(&volume, &Identity, options);
-                    let (b, _) = run(&volume, &shift(DVec3::ZERO), options);
+                    let (b, _) = run(&volume, &shift(&volume.grid, DVec3::ZERO), options);
                     for made in [a, b] {
                         assert_eq!(made.samples.bytes(), volume.samples.bytes(), "{kind} {channels} {interpolation:?}");
                         assert_eq!((made.grid, made.channels), (volume.grid, channels));
                     }
-                    assert_eq!((report.moved, report.outside, report.clipped), (0, 0, Some(0)));
+                    assert_eq!((report.moved, report.outside, report.clipped), (0, 0, 0));
                 }
             }
         }
@@ -216,7 +219,7 @@ fn shifts_by_whole_voxels_are_bit_exact_and_leave_the_outside_value() {
             for interpolation in Interpolation::ALL {
                 for precision in BOTH {
                     let options = ExportOptions { interpolation, precision, outside: Some(9.0), ..same() };
-                    let (made, report) = run(&volume, &shift(vector), options);
+                    let (made, report) = run(&volume, &shift(&volume.grid, vector), options);
                     let mut outside = 0;
                     for (n, at) in voxels(&volume.grid).enumerate() {
                         let from: [i64; 3] = std::array::from_fn(|a| at[a] as i64 - by[a]);
@@ -244,17 +247,19 @@ fn voxels_that_a_stack_leaves_alone_keep_their_bits() {
     for kind in [0, 3, 5, 6, 7] {
         let volume = noise(grid, 1, kind, 2);
         let (made, report) = run(&volume, &map, same());
-        let mut moved = 0;
+        let (mut touched, mut moved) = (0, 0);
         for (n, at) in voxels(&grid).enumerate() {
             let p = grid.world_from_voxel.transform_point3(at);
-            if map.backward(p) == p {
+            let d = grid.voxel_from_world().transform_vector3(map.backward(p) - p);
+            if d == DVec3::ZERO {
                 assert_eq!(made.samples.get(n).to_bits(), volume.samples.get(n).to_bits());
             } else {
-                moved += 1;
+                touched += 1;
+                moved += u64::from(d.abs().max_element() > 1e-3);
             }
         }
-        assert!(moved > 10_000 && grid.len() - moved > 10_000, "{moved}");
-        assert!(report.moved <= moved as u64 && report.moved > moved as u64 * 9 / 10);
+        assert!(touched > 10_000 && grid.len() - touched > 10_000, "{touched}");
+        assert!(moved.abs_diff(report.moved) < moved / 500, "{moved} {}", report.moved);
     }
 }
 
@@ -264,9 +269,9 @@ fn a_grown_grid_keeps_all_of_a_shifted_volume_and_clips_nothing() {
     let vector = volume.grid.world_from_voxel.transform_vector3(DVec3::new(-5.0, 2.0, 0.0));
     for precision in BOTH {
         let options = ExportOptions { grid: GridChoice::SameGrown, precision, outside: Some(0.0), ..same() };
-        let (made, report) = run(&volume, &shift(vector), options);
+        let (made, report) = run(&volume, &shift(&volume.grid, vector), options);
         assert_eq!(made.grid.dims, [25, 16, 9]);
-        assert_eq!(report.clipped, Some(0));
+        assert_eq!(report.clipped, 0);
         assert_eq!(report.after.max, report.before.max);
         assert!((report.mass_after / report.mass_before - 1.0).abs() < 1e-12);
         for (i, j, k) in [(0, 0, 0), (19, 13, 8), (7, 5, 3)] {
@@ -274,12 +279,12 @@ fn a_grown_grid_keeps_all_of_a_shifted_volume_and_clips_nothing() {
         }
         // the same on the volume's own grid: five columns to the left and two rows above are lost
         let options = ExportOptions { grid: GridChoice::Same, ..options };
-        let (_, report) = run(&volume, &shift(vector), options);
+        let (_, report) = run(&volume, &shift(&volume.grid, vector), options);
         let mut lost = 0;
         for (n, at) in voxels(&volume.grid).enumerate() {
             lost += u64::from((at.x < 5.0 || at.y >= 12.0) && volume.samples.get(n) != 0.0);
         }
-        assert_eq!(report.clipped, Some(lost));
+        assert_eq!(report.clipped, lost);
     }
 }
 
@@ -290,7 +295,7 @@ fn labels_stay_labels() {
     let mut random = Random(5);
     let samples = (0..grid.len()).map(|_| labels[random.next() as usize % 3]).collect();
     let volume = Volume::new(grid, 1, Samples::U16(samples));
-    let map = turn(grid.center(), DMat3::from_rotation_z(0.3));
+    let map = turn(&grid, DMat3::from_rotation_z(0.3));
     for precision in BOTH {
         let options = ExportOptions { interpolation: Interpolation::Nearest, precision, outside: Some(0.0), ..same() };
         let (made, report) = run(&volume, &map, options);
@@ -312,11 +317,11 @@ fn a_ramp_under_a_smooth_map_takes_the_analytic_value() {
         (tilted(grid.center(), DVec3::new(14.0, 12.0, 16.0)), DVec3::new(2.0, -1.5, 1.0)),
         (tilted(grid.center() + DVec3::new(3.0, 4.0, -2.0), DVec3::new(11.0, 9.0, 10.0)), DVec3::new(-1.0, 1.2, 1.4)),
     ]);
-    let turned = turn(grid.center(), DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(0.1, 0.25, -0.2))));
+    let turned = turn(&grid, DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(0.1, 0.25, -0.2))));
     let strokes = stack(&grid);
     let maps: [&dyn ExportMap; 3] = [&pulled, &turned, &strokes];
     for choice in [GridChoice::Same, GridChoice::Given(rotated(grid.center(), 25))] {
-        for (precision, tolerance) in [(Precision::Reference, 1e-11), (Precision::Fast, 1e-3)] {
+        for (precision, tolerance) in [(Precision::Reference, 1e-9), (Precision::Fast, 1e-3)] {
             for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
                 let options = ExportOptions { grid: choice, precision, interpolation, ..same() };
                 for (m, map) in maps.iter().enumerate() {
@@ -350,7 +355,7 @@ fn a_finer_spacing_fills_the_same_cube_and_the_same_spacing_is_the_same_grid() {
     assert_eq!((made.grid.dims, &made.samples), (volume.grid.dims, &volume.samples));
     let (made, report) = run(&volume, &Identity, at(spacing / DVec3::new(2.0, 3.0, 1.0)));
     assert_eq!(made.grid.dims, [40, 48, 12]);
-    assert_eq!((report.outside, report.clipped, report.moved), (0, Some(0), 0));
+    assert_eq!((report.outside, report.clipped, report.moved), (0, 0, 0));
     for (a, b) in made.grid.corners().iter().zip(volume.grid.corners()) {
         assert!((*a - b).length() < 1e-9);
     }
@@ -406,7 +411,7 @@ fn the_fast_path_is_within_a_grey_level_of_the_reference() {
                     assert!(worst <= 1.0 && mean < 2e-3, "{choice:?} {interpolation:?}: {worst} {mean}");
                     let close = |x: u64, y: u64| x.abs_diff(y) <= 3 + y / 200;
                     assert!(close(ra.moved, rb.moved) && close(ra.outside, rb.outside), "{ra:?} {rb:?}");
-                    assert!(close(ra.clipped.unwrap(), rb.clipped.unwrap()), "{ra:?} {rb:?}");
+                    assert!(close(ra.clipped, rb.clipped), "{ra:?} {rb:?}");
                     assert!(ra.moved > 5000);
                 }
             }
@@ -424,13 +429,19 @@ fn all_types_and_channels_agree_with_the_reference_within_rounding() {
             let volume = noise(grid, channels, kind, 4);
             let (a, _) = run(&volume, &map, same());
             let (b, _) = run(&volume, &map, ExportOptions { precision: Precision::Reference, ..same() });
+            let mut one_sided = 0;
             let scale = [256.0, 256.0, 65536.0, 65536.0, 2f64.powi(32), 2f64.powi(32), 1e6, 1e6][kind];
             for i in 0..a.samples.len() {
                 let (x, y) = (a.samples.get(i), b.samples.get(i));
-                let both_special = !x.is_finite() && !y.is_finite();
-                // coordinates are good to 1e-5 voxel on three axes
-                assert!(both_special || (x - y).abs() <= 1.0 + 3e-5 * scale, "{kind} {channels} {i}: {x} {y}");
+                if x.is_finite() && y.is_finite() {
+                    // coordinates are good to 1e-5 voxel on three axes
+                    assert!((x - y).abs() <= 1.0 + 3e-5 * scale, "{kind} {channels} {i}: {x} {y}");
+                } else {
+                    // a weight of 1e-9 lets a NaN through where one rounded to zero does not
+                    one_sided += usize::from(x.is_finite() != y.is_finite());
+                }
             }
+            assert!(one_sided <= a.samples.len() / 1000, "{one_sided}");
         }
     }
 }
@@ -449,11 +460,11 @@ fn a_pull_through_the_face_grows_the_grid_or_is_counted() {
     assert_eq!(&grown.grid.dims[1..], &[40, 40]);
     assert!((44..=46).contains(&grown.grid.dims[0]), "{:?}", grown.grid.dims);
     assert_eq!(grown.rescale, volume.rescale);
-    assert_eq!(report.clipped, Some(0));
+    assert_eq!(report.clipped, 0);
     let width = grown.grid.dims[0];
     let material = |i: &usize| i % width >= 40 && grown.samples.get(*i) != 0.0;
     let beyond = (0..grown.samples.len()).filter(material).count() as u64;
-    assert_eq!(clipped.clipped, Some(beyond));
+    assert_eq!(clipped.clipped, beyond);
     assert!(beyond > 500);
     // the last layer is not idle
     assert!((0..40 * 40).any(|row| grown.samples.get((row + 1) * width - 1) != 0.0));
@@ -467,7 +478,7 @@ fn a_pull_through_the_face_grows_the_grid_or_is_counted() {
 #[test]
 fn the_default_outside_value_is_the_lowest_of_a_scalar_volume_and_nothing_elsewhere() {
     let grid = plain([4, 4, 4]);
-    let away = shift(DVec3::splat(100.0));
+    let away = shift(&grid, DVec3::splat(40.0));
     let mut volume = Volume::new(grid, 1, Samples::I16((0..64).map(|i| i - 1024).collect()));
     let (made, _) = run(&volume, &away, same());
     assert!((0..64).all(|i| made.samples.get(i) == -1024.0));
@@ -479,7 +490,7 @@ fn the_default_outside_value_is_the_lowest_of_a_scalar_volume_and_nothing_elsewh
     let rgba = noise(grid, 4, 0, 1);
     let (made, report) = run(&rgba, &away, same());
     assert!((0..256).all(|i| made.samples.get(i) == 0.0));
-    assert_eq!(report.clipped, Some(64));
+    assert_eq!(report.clipped, 64);
 }
 
 #[test]
@@ -512,7 +523,7 @@ fn nan_does_not_spread_beyond_its_neighbours() {
     for precision in BOTH {
         // half a voxel along i only: the two voxels beside the hole and nothing else
         let options = ExportOptions { precision, ..same() };
-        let (made, report) = run(&volume, &shift(DVec3::new(0.5, 0.0, 0.0)), options);
+        let (made, report) = run(&volume, &shift(&volume.grid, DVec3::new(0.5, 0.0, 0.0)), options);
         let bad: Vec<usize> = (0..made.samples.len()).filter(|i| made.samples.get(*i).is_nan()).collect();
         assert_eq!(bad, vec![hole, hole + 1], "{precision:?}");
         assert_eq!((report.before.nan, report.after.nan), (1, 2));
@@ -531,7 +542,7 @@ fn a_map_that_fails_gives_the_outside_value() {
             p
         }
     };
-    let broken = Formula { backward: fails, supports: everywhere() };
+    let broken = Formula { backward: fails, supports: around(&plain([17, 17, 5]), 1.0) };
     let volume = noise(plain([17, 17, 5]), 1, 0, 1);
     for precision in BOTH {
         for interpolation in Interpolation::ALL {
@@ -554,7 +565,7 @@ fn one_voxel_and_one_layer() {
                 let options = ExportOptions { precision, interpolation, ..same() };
                 let (made, _) = run(&volume, &Identity, options);
                 assert_eq!(made.samples, volume.samples);
-                let (made, _) = run(&volume, &shift(part), options);
+                let (made, _) = run(&volume, &shift(&volume.grid, part), options);
                 let p = DVec3::new(-0.3, -0.2, 0.4);
                 for c in 0..2 {
                     let want = value_at(&volume, interpolation, p, 0.0)[c];
@@ -571,7 +582,7 @@ fn senseless_wishes_are_refused_in_one_sentence() {
     let volume = noise(plain([8, 8, 8]), 1, 0, 1);
     let refused = |grid, limit| {
         let options = ExportOptions { grid, limit, ..ExportOptions::default() };
-        export(&volume, &shift(DVec3::X), &options, &unwatched).unwrap_err()
+        export(&volume, &shift(&volume.grid, DVec3::X), &options, &unwatched).unwrap_err()
     };
     for spacing in [DVec3::ZERO, DVec3::new(1.0, -1.0, 1.0), DVec3::NAN, DVec3::splat(f64::INFINITY)] {
         let error = refused(GridChoice::Spacing { spacing, grown: true }, 1 << 30);
@@ -584,16 +595,16 @@ fn senseless_wishes_are_refused_in_one_sentence() {
     ));
     let tiny = GridChoice::Spacing { spacing: DVec3::splat(1e-300), grown: false };
     assert!(matches!(refused(tiny, 1 << 30), ExportError::Grid(_) | ExportError::TooLarge { .. }));
-    assert!(matches!(refused(GridChoice::SameGrown, 1000), ExportError::TooLarge { .. }));
+    assert!(matches!(refused(GridChoice::SameGrown, 520), ExportError::TooLarge { .. }));
     let flat = Grid { dims: [0, 4, 4], ..volume.grid };
     assert!(matches!(refused(GridChoice::Given(flat), 1 << 30), ExportError::Grid(_)));
     // a box beyond all measure, and one that is no number
     for half in [1e300, f64::NAN, f64::INFINITY] {
-        let support = OrientedBox { half: DVec3::splat(half), ..everywhere()[0] };
+        let support = OrientedBox { half: DVec3::splat(half), ..around(&volume.grid, 0.0)[0] };
         let map = Formula { backward: |p| p, supports: vec![support] };
         let (made, report) = run(&volume, &map, same());
         assert_eq!(made.samples, volume.samples);
-        assert!(report.clipped.is_none() || report.clipped == Some(0));
+        assert_eq!(report.clipped, 0);
     }
 }
 

@@ -25,6 +25,7 @@
 //!   [`ExportReport::clipped`]; [`GridChoice::SameGrown`] adds layers until nothing is.
 //! * Memory is the output plus some 100 KiB a thread; results do not depend on the number of threads.
 
+mod beyond;
 mod grid;
 mod kernel;
 mod run;
@@ -121,8 +122,9 @@ pub struct ExportReport {
     /// Those whose value lies beyond the input and is the outside value.
     pub outside: u64,
     /// Material the grid does not hold: voxels of the output's lattice beyond the output in which the deformed volume has
-    /// another value than the outside value. `None` if there are too many voxels to look at.
-    pub clipped: Option<u64>,
+    /// another value than the outside value. Exact unless support boxes reach over more voxels outside the output than it
+    /// has (and a million); then it is estimated from part of them.
+    pub clipped: u64,
     /// Of the real values.
     pub before: Statistics,
     pub after: Statistics,
@@ -153,29 +155,6 @@ pub enum ExportError {
 fn zeroed<T: bytemuck::Zeroable>(count: usize) -> Result<Vec<T>, ExportError> {
     let bytes = count as u64 * size_of::<T>() as u64;
     bytemuck::try_zeroed_vec(count).map_err(|()| ExportError::OutOfMemory { bytes })
-}
-
-/// The parts of `region` outside `hole`, as at most six boxes.
-fn around(mut region: Span, hole: &Span) -> Vec<Span> {
-    let mut parts = Vec::new();
-    for a in (0..3).rev() {
-        if region.lo[a] < hole.lo[a] {
-            let mut part = region;
-            part.hi[a] = part.hi[a].min(hole.lo[a] - 1);
-            parts.push(part);
-        }
-        if region.hi[a] > hole.hi[a] {
-            let mut part = region;
-            part.lo[a] = part.lo[a].max(hole.hi[a] + 1);
-            parts.push(part);
-        }
-        region.lo[a] = region.lo[a].max(hole.lo[a]);
-        region.hi[a] = region.hi[a].min(hole.hi[a]);
-        if region.lo[a] > region.hi[a] {
-            break;
-        }
-    }
-    parts
 }
 
 fn mass(volume: &Volume, facts: &Statistics) -> f64 {
@@ -213,30 +192,32 @@ fn typed<T: Fetch>(
         None if volume.channels == 1 && volume.rescale.slope > 0.0 && facts.min.is_finite() => facts.min,
         None => 0.0,
     };
-    let supports = map.supports();
+    let boxes = map.supports();
+    let base = grid::ungrown(input, options.grid)?;
+    if base.len() as u64 > options.limit {
+        return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit });
+    }
     let mut job = Job {
+        input,
+        boxes: &boxes,
         sampler: Sampler::new(samples, input.dims, volume.channels),
         map,
-        frame: Frame::new(input, input),
-        supports: Supports::new(input, &supports),
+        frame: Frame::new(input, &base),
+        supports: Supports::new(&base, &boxes),
         interpolation: options.interpolation,
         precision: options.precision,
         outside: vec![T::from_f64(outside); volume.channels],
     };
-    let output = grid::choose(input, options.grid, &supports, options.limit, |base, p| {
-        let mut value = job.outside.clone();
-        let source = Frame::new(input, base).source(map, p);
-        job.sampler.sample(job.interpolation, source, &mut value) && value != job.outside
-    })?;
-    job.frame = Frame::new(input, &output);
-    job.supports = Supports::new(&output, &supports);
+    let mut output = base;
+    if options.grid.grows() {
+        let candidate = Span::of(&base).hull(grid::reached(input, &base, &boxes));
+        output = grid::cut(&base, &beyond::grow(&job, &base, candidate, options.limit)?)?;
+        job = job.on(&output);
+    }
 
     let mut result = zeroed::<T>(output.len() * volume.channels)?;
     let tally = job.fill(&output, &mut result, progress)?;
-    let rest = around(grid::reached(input, &output, &supports), &Span::of(&output));
-    let to_look_at = rest.iter().try_fold(0u64, |n, s| n.checked_add(s.voxels()?));
-    let clipped = to_look_at.filter(|n| *n <= options.limit).map(|_| rest.iter().map(|s| job.material(s)).sum());
-
+    let clipped = beyond::clipped(&job, &output, grid::reached(input, &output, &boxes));
     let mut made = Volume::new(output, volume.channels, T::wrap(result));
     made.rescale = volume.rescale;
     let (before, after) = (facts.rescaled(volume.rescale), statistics(&made));
