@@ -1,5 +1,5 @@
 //! The CPU renderer against its own variants: 512 x 512 of 256^3 at one voxel per slice, the scene of VTK's ray caster in
-//! `../shared/peers/job_d_render.py`. `cargo bench --bench render -- [VOLUME.raw] [PICTURE_DIR]`; without a volume of 256^3 bytes,
+//! `../shared/peers/job_d_render.py`. `cargo bench --bench render -- [VOLUME.raw] [PICTURE_DIR] [CASE]`; without a volume of 256^3 bytes,
 //! a built-in one of the same kind.
 
 use std::sync::Arc;
@@ -55,6 +55,13 @@ fn transfer() -> TransferFunction {
     TransferFunction { name: "peer".into(), window: Window::Values { lo: 0.0, hi: 255.0 }, points }
 }
 
+/// Processor time of this process in milliseconds, over all threads, in steps of 10; 0 where the system does not say.
+fn processor_ms() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = stat.rsplit(')').next().unwrap_or("").split_whitespace().skip(11).take(2);
+    fields.filter_map(|f| f.parse::<f64>().ok()).sum::<f64>() * 10.0
+}
+
 fn main() -> anyhow::Result<()> {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let texels = match args.first() {
@@ -102,22 +109,33 @@ fn main() -> anyhow::Result<()> {
     let mut cases: Vec<_> = looks.iter().map(|(name, look)| ((*name).to_owned(), look, &few, &camera, 512)).collect();
     cases.push(("plain, slivers".to_owned(), &looks[0].1, &many, &camera, 512));
     cases.push(("plain, orthographic".to_owned(), &looks[0].1, &flat, &orthographic, 512));
+    if let Some(only) = args.get(2) {
+        cases.retain(|c| c.0 == *only);
+    }
     let mut times = vec![Vec::new(); cases.len()];
-    for round in 0..7 {
-        for ((name, look, geometry, camera, size), times) in cases.iter().zip(&mut times) {
-            let start = Instant::now();
+    let mut busy = vec![0.0; cases.len()];
+    const ROUNDS: usize = 7;
+    for round in 0..ROUNDS {
+        for ((name, look, geometry, camera, size), (times, busy)) in cases.iter().zip(times.iter_mut().zip(&mut busy)) {
+            let (start, before) = (Instant::now(), processor_ms());
             let table = ClassTable::build(&transfer(), 1.0, look.preintegrated);
             let frame = Frame::new(camera, look, &field, [0.0, 255.0], geometry, *size, *size);
             let picture = render(geometry, &field, &table, &frame, None);
             times.push(start.elapsed().as_secs_f64() * 1e3);
+            *busy += processor_ms() - before;
             if let (0, Some(dir)) = (round, args.get(1)) {
                 std::fs::write(format!("{dir}/{}.png", name.replace([' ', ','], "_")), picture.png()?)?;
             }
         }
     }
-    for ((name, ..), times) in cases.iter().zip(&mut times) {
+    for (((name, ..), times), busy) in cases.iter().zip(&mut times).zip(busy) {
         times.sort_by(f64::total_cmp);
-        println!("{name:24} min {:7.1} ms  median {:7.1} ms", times[0], times[times.len() / 2]);
+        println!(
+            "{name:24} min {:7.1} ms  median {:7.1} ms  processor {:7.1} ms",
+            times[0],
+            times[times.len() / 2],
+            busy / ROUNDS as f64
+        );
     }
     Ok(())
 }

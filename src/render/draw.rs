@@ -81,7 +81,7 @@ fn draw<T: Texel, const C: usize>(
 }
 
 /// Puts sums of row `y` over the background and encodes them.
-fn finish(sums: &[[f32; 4]], y: usize, frame: &Frame) -> Vec<[u8; 4]> {
+fn finish(sums: impl Iterator<Item = [f32; 4]>, y: usize, frame: &Frame) -> Vec<[u8; 4]> {
     let [top, bottom] = frame.background;
     let t = (y as f32 + 0.5) / frame.size[1] as f32;
     let ground = [0, 1, 2].map(|c: usize| linear_from_srgb(top[c] + t * (bottom[c] - top[c])));
@@ -100,7 +100,7 @@ fn finish(sums: &[[f32; 4]], y: usize, frame: &Frame) -> Vec<[u8; 4]> {
             coded([r + through * ground[0], g + through * ground[1], b + through * ground[2]], 255)
         }
     };
-    sums.iter().map(|s| pixel(*s)).collect()
+    sums.map(pixel).collect()
 }
 
 fn coded(rgb: [f32; 3], alpha: u8) -> [u8; 4] {

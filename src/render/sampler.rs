@@ -105,11 +105,11 @@ impl Texel for f32 {
 }
 
 /// Adding this to a value in +-2^22 rounds it to the nearest integer, which then stands in the low bits.
-const MAGIC: f32 = 12_582_912.0;
+pub const MAGIC: f32 = 12_582_912.0;
 
 /// The integer in the low bits of `MAGIC + i`.
 #[inline(always)]
-fn integer(rounded: f32) -> i32 {
+pub fn integer(rounded: f32) -> i32 {
     rounded.to_bits() as i32 - MAGIC.to_bits() as i32
 }
 
@@ -133,8 +133,8 @@ pub struct Sampler<'a, T: Texel, const C: usize> {
     size: [f32; 3],
     /// Largest texel coordinate, a little below the last texel so that a whole cell lies there.
     last: [f32; 3],
-    /// Texels from one to the next along y and z.
-    step: [usize; 2],
+    /// Texels from one to the next along y and z; 32 bits, so that sums of them cannot overflow and bounds are checked once.
+    step: [u32; 2],
     scale: f32,
     bias: f32,
 }
@@ -150,7 +150,7 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
             dims: dims.map(|n| n as i32),
             size: dims.map(|n| n as f32),
             last: dims.map(|n| (n - 1) as f32 * (1.0 - 3e-7)),
-            step: [memory[0], memory[0] * memory[1]],
+            step: [memory[0] as u32, (memory[0] * memory[1]) as u32],
             scale: frame.window[0] * T::UNIT,
             bias: frame.window[1],
         }
@@ -167,15 +167,13 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
         clamp(texture * self.size[axis] - 0.5, 0.0, self.last[axis])
     }
 
+    /// Pairs of the four rows of the cell whose first texel is `i`.
     #[inline(always)]
-    fn pair(&self, i: usize) -> T::Pair {
-        if C == 1 {
-            let t = &self.texels[i..i + 2];
-            T::pair(t[0], t[1])
-        } else {
-            let t = &self.texels[i * C..(i + 2) * C];
-            T::pair(t[C - 1], t[2 * C - 1])
-        }
+    fn cell(&self, i: usize) -> [T::Pair; 4] {
+        let [y, z] = self.step.map(|s| s as usize * C);
+        let t = &self.texels[i * C..][..y + z + 2 * C];
+        let pair = |i: usize| T::pair(t[i + C - 1], t[i + 2 * C - 1]);
+        [pair(0), pair(y), pair(z), pair(y + z)]
     }
 
     #[inline(always)]
@@ -197,14 +195,12 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
                 part[axis][l] = t - (rounded - MAGIC);
             }
         }
+        let step = self.step.map(|s| s as usize);
         let mut pairs = [[T::Pair::default(); LANES]; 4];
         for l in 0..LANES {
             let [x, y, z] = [0, 1, 2].map(|axis| integer(cell[axis][l]) as usize);
-            let i = x + y * self.step[0] + z * self.step[1];
-            pairs[0][l] = self.pair(i);
-            pairs[1][l] = self.pair(i + self.step[0]);
-            pairs[2][l] = self.pair(i + self.step[1]);
-            pairs[3][l] = self.pair(i + self.step[0] + self.step[1]);
+            let pairs_of = self.cell(x + y * step[0] + z * step[1]);
+            (0..4).for_each(|r| pairs[r][l] = pairs_of[r]);
         }
         let mut values = [0.0; LANES];
         for l in 0..LANES {
@@ -231,6 +227,7 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
             }
         }
         // rows along x of the cell and its neighbours along y (above, below) and z (above, below)
+        let step = self.step.map(|s| s as usize);
         let mut rows = [[T::Row::default(); LANES]; 12];
         for l in 0..LANES {
             if mask >> l & 1 == 0 {
@@ -238,10 +235,10 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
             }
             let c = [0, 1, 2].map(|axis| integer(cell[axis][l]));
             if (0..3).all(|axis| c[axis] >= 1 && c[axis] + 3 <= self.dims[axis]) {
-                let i = (c[0] - 1) as usize + c[1] as usize * self.step[0] + c[2] as usize * self.step[1];
+                let i = (c[0] - 1) as usize + c[1] as usize * step[0] + c[2] as usize * step[1];
                 for (row, (y, z)) in rows.iter_mut().zip(ROWS) {
-                    let i = i + (y + 1) as usize * self.step[0] + (z + 1) as usize * self.step[1];
-                    row[l] = self.row(i - self.step[0] - self.step[1]);
+                    let i = i + (y + 1) as usize * step[0] + (z + 1) as usize * step[1];
+                    row[l] = self.row(i - step[0] - step[1]);
                 }
             } else {
                 for (row, (y, z)) in rows.iter_mut().zip(ROWS) {
@@ -269,7 +266,7 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
 
     fn row_at_edge(&self, [x, y, z]: [i32; 3]) -> T::Row {
         let at = |v: i32, axis: usize| v.clamp(0, self.dims[axis] - 1) as usize;
-        let start = at(y, 1) * self.step[0] + at(z, 2) * self.step[1];
+        let start = at(y, 1) * self.step[0] as usize + at(z, 2) * self.step[1] as usize;
         T::row(std::array::from_fn(|i| self.texels[(start + at(x + i as i32, 0)) * C + C - 1]))
     }
 
@@ -279,12 +276,13 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
         // `texel` stays below the last one, so the upper corner exists
         let c = t.map(|t| t as usize);
         let f: [f32; 3] = std::array::from_fn(|axis| t[axis] - c[axis] as f32);
-        let start = c[0] + c[1] * self.step[0] + c[2] * self.step[1];
+        let step = self.step.map(|s| s as usize);
+        let start = c[0] + c[1] * step[0] + c[2] * step[1];
         std::array::from_fn(|channel| {
             let texel = |i: usize| self.texels[i * C + channel].value();
             let x = |i: usize| lerp(texel(i), texel(i + 1), f[0]);
-            let y = |i: usize| lerp(x(i), x(i + self.step[0]), f[1]);
-            T::UNIT * lerp(y(start), y(start + self.step[1]), f[2])
+            let y = |i: usize| lerp(x(i), x(i + step[0]), f[1]);
+            T::UNIT * lerp(y(start), y(start + step[1]), f[2])
         })
     }
 }

@@ -1,6 +1,8 @@
 //! Shading of a group of fragments, as the contract in the module's page says.
 
-use super::sampler::{LANES, Lanes, Texel};
+use glam::{Mat4, Vec4};
+
+use super::sampler::{LANES, Lanes, MAGIC, Texel, integer};
 use super::table::INVISIBLE;
 use super::tile::{Scene, Tile, lanes};
 use super::{ClassTable, Frame, TABLE_SIZE};
@@ -17,6 +19,9 @@ const SAME: f32 = 1.0 / 256.0;
 
 /// How far outside the texture a fragment may lie, for the rounding of interpolation.
 const SLACK: f32 = 1e-5;
+
+/// The mask of all lanes.
+const ALL: u32 = (1 << LANES) - 1;
 
 impl Tile {
     /// Shades the fragments of `mask` at pixels `at..at + LANES`; returns those that became opaque.
@@ -45,16 +50,13 @@ impl Tile {
         if !scene.back {
             return [scene.sampler.values(front); 2];
         }
-        let mut far = 0;
+        let mut near = mask;
         for a in 0..3 {
             let tolerance = SAME / scene.frame.dims[a];
             let seen = lanes(&self.seen_at[a], at);
-            for l in 0..LANES {
-                // also true for what is not a number
-                far |= u32::from(!((front[a][l] - seen[l]).abs() < tolerance)) << l;
-            }
+            near &= below(&std::array::from_fn(|l| (front[a][l] - seen[l]).abs()), &[tolerance; LANES]);
         }
-        let value = if far & mask == 0 { lanes(&self.seen, at) } else { scene.sampler.values(front) };
+        let value = if near == mask { lanes(&self.seen, at) } else { scene.sampler.values(front) };
         let back: [Lanes; 3] = std::array::from_fn(|a| lanes(&self.back[a], at));
         let behind = scene.sampler.values(&back);
         for l in 0..LANES {
@@ -75,66 +77,57 @@ impl Tile {
         front: &[Lanes; 3],
     ) -> u32 {
         let [value, behind] = self.values(scene, at, mask, front);
-        let mut rgba = [[0.0f32; 4]; LANES];
-        if scene.back {
-            for l in 0..LANES {
-                rgba[l] = scene.table.lookup(value[l], behind[l]);
-            }
-        } else {
-            for l in 0..LANES {
-                rgba[l] = along_front(scene.table, value[l]);
-            }
-        }
-        let mut alpha: Lanes = std::array::from_fn(|l| rgba[l][3]);
-        let mut drawn = 0;
-        let mut lit = 0;
-        for l in 0..LANES {
-            let visible = mask >> l & 1 == 1 && alpha[l] > INVISIBLE;
-            drawn |= u32::from(visible) << l;
-            lit |= u32::from(visible && 1.0 - self.sum[at + l][3] > UNLIT) << l;
-        }
+        let mut rgba = if scene.back { across(scene.table, &value, &behind) } else { along_front(scene.table, &value) };
+        let mut sum: [Lanes; 4] = std::array::from_fn(|c| lanes(&self.sum[c], at));
+        let mut through: Lanes = std::array::from_fn(|l| 1.0 - sum[3][l]);
+        let drawn = mask & below(&[INVISIBLE; LANES], &rgba[3]);
         if drawn == 0 {
             return 0;
         }
         if C == 4 {
             for l in (0..LANES).filter(|l| drawn >> l & 1 == 1) {
                 let color = scene.sampler.color([front[0][l], front[1][l], front[2][l]]).map(linear_from_srgb);
-                (0..3).for_each(|c| rgba[l][c] = color[c] * alpha[l]);
+                (0..3).for_each(|c| rgba[c][l] = color[c] * rgba[3][l]);
             }
         }
         let mut gain = [1.0; LANES];
         if scene.frame.eye[3] != 0.0 {
             let stretch = lanes(&self.stretch, at);
             for l in 0..LANES {
-                let a = 1.0 - exp2(stretch[l] * log2(1.0 - alpha[l]));
-                gain[l] = a / if alpha[l] > INVISIBLE { alpha[l] } else { 1.0 };
-                alpha[l] = a;
+                let a = 1.0 - exp2(stretch[l] * log2(1.0 - rgba[3][l]));
+                gain[l] = a / if rgba[3][l] > INVISIBLE { rgba[3][l] } else { 1.0 };
+                rgba[3][l] = a;
             }
         }
         let mut shine = [0.0; LANES];
-        if scene.frame.has(Frame::LIT) && lit != 0 {
-            let light = self.light(scene, at, lit, front, &value, false);
+        if scene.frame.has(Frame::LIT) {
+            let lit = drawn & below(&[UNLIT; LANES], &through);
+            if lit != 0 {
+                let light = self.light(scene, at, lit, front, &value, false);
+                for l in 0..LANES {
+                    let on = lit >> l & 1 == 1;
+                    gain[l] *= if on { light[0][l] } else { 1.0 };
+                    shine[l] = if on { light[1][l] * rgba[3][l] } else { 0.0 };
+                }
+            }
+        }
+        if drawn != ALL {
             for l in 0..LANES {
-                gain[l] *= light[0][l];
-                shine[l] = light[1][l] * alpha[l];
+                through[l] = if drawn >> l & 1 == 1 { through[l] } else { 0.0 };
             }
         }
-        let mut opaque = 0;
+        for c in 0..3 {
+            for l in 0..LANES {
+                sum[c][l] += through[l] * (rgba[c][l] * gain[l] + shine[l]);
+            }
+        }
         for l in 0..LANES {
-            if drawn >> l & 1 == 0 {
-                continue;
-            }
-            let sum = &mut self.sum[at + l];
-            let through = 1.0 - sum[3];
-            let lit = lit >> l & 1 == 1;
-            let (g, s) = (gain[l], if lit { shine[l] } else { 0.0 });
-            for c in 0..3 {
-                sum[c] += through * (rgba[l][c] * g + s);
-            }
-            sum[3] += through * alpha[l];
-            opaque |= u32::from(1.0 - sum[3] < FINISHED) << l;
+            sum[3][l] += through[l] * rgba[3][l];
         }
-        opaque
+        for (plane, sum) in self.sum.iter_mut().zip(&sum) {
+            plane[at..at + LANES].copy_from_slice(sum);
+        }
+        drawn & below(&[1.0 - FINISHED; LANES], &sum[3])
     }
 
     #[inline(always)]
@@ -172,7 +165,9 @@ impl Tile {
         let color = scene.frame.iso_color;
         for l in (0..LANES).filter(|l| hit >> l & 1 == 1) {
             let c = |c: usize| color[c] * light[0][l] + light[1][l];
-            self.sum[at + l] = [c(0), c(1), c(2), 1.0];
+            for (plane, v) in self.sum.iter_mut().zip([c(0), c(1), c(2), 1.0]) {
+                plane[at + l] = v;
+            }
         }
         hit
     }
@@ -188,9 +183,10 @@ impl Tile {
         let value = scene.sampler.values(front);
         let mut full = 0;
         for l in (0..LANES).filter(|l| mask >> l & 1 == 1) {
-            let sum = &mut self.sum[at + l];
-            *sum = [sum[0].max(value[l]), 0.0, 0.0, 1.0];
-            full |= u32::from(sum[0] >= 1.0) << l;
+            let most = self.sum[0][at + l].max(value[l]);
+            self.sum[0][at + l] = most;
+            self.sum[3][at + l] = 1.0;
+            full |= u32::from(most >= 1.0) << l;
         }
         full
     }
@@ -257,25 +253,74 @@ impl Tile {
     }
 }
 
+/// Lanes in which `a < b`; never those that are not numbers.
+#[inline(always)]
+fn below(a: &Lanes, b: &Lanes) -> u32 {
+    let half = |i: usize| Vec4::from_slice(&a[i..i + 4]).cmplt(Vec4::from_slice(&b[i..i + 4])).bitmask();
+    half(0) | half(4) << 4
+}
+
 /// Lanes whose coordinates all lie in the texture.
 #[inline(always)]
 fn inside(at: &[Lanes; 3]) -> u32 {
-    let mut bits = 0;
-    for l in 0..LANES {
-        let within = |v: f32| v >= -SLACK && v <= 1.0 + SLACK;
-        bits |= u32::from(within(at[0][l]) && within(at[1][l]) && within(at[2][l])) << l;
-    }
-    bits
+    let within = |v: &Lanes| below(&[-SLACK; LANES], v) & below(v, &[1.0 + SLACK; LANES]);
+    within(&at[0]) & within(&at[1]) & within(&at[2])
 }
 
-/// Look-up in a table that does not depend on the value behind.
+/// Entry below each value of 0..=1, and how far the value is towards the next.
 #[inline(always)]
-fn along_front(table: &ClassTable, value: f32) -> [f32; 4] {
+fn entries_of(values: &Lanes) -> ([usize; LANES], Lanes) {
+    let (mut index, mut part) = ([0.0f32; LANES], [0.0; LANES]);
+    for l in 0..LANES {
+        // below 255, so that there is a next entry
+        let f = values[l] * 254.9999;
+        let rounded = (f - 0.5) + MAGIC;
+        index[l] = rounded;
+        part[l] = f - (rounded - MAGIC);
+    }
+    (index.map(|v| integer(v) as usize & (TABLE_SIZE - 1)), part)
+}
+
+/// Look-up in a table that does not depend on the value behind, by channels.
+#[inline(always)]
+fn along_front(table: &ClassTable, value: &Lanes) -> [Lanes; 4] {
     let row = &table.entries[..TABLE_SIZE];
-    let f = value * 255.0;
-    let i = (f as usize).min(TABLE_SIZE - 2);
-    let x = f - i as f32;
-    std::array::from_fn(|c| row[i][c] + x * (row[i + 1][c] - row[i][c]))
+    let (index, part) = entries_of(value);
+    by_channel(|l| {
+        let e = &row[index[l]..index[l] + 2];
+        mix(Vec4::from_array(e[0]), Vec4::from_array(e[1]), part[l])
+    })
+}
+
+/// Bilinear look-up, by channels.
+#[inline(always)]
+fn across(table: &ClassTable, front: &Lanes, behind: &Lanes) -> [Lanes; 4] {
+    let (i, x) = entries_of(front);
+    let (j, y) = entries_of(behind);
+    by_channel(|l| {
+        let e = &table.entries[j[l] * TABLE_SIZE + i[l]..][..TABLE_SIZE + 2];
+        let near = mix(Vec4::from_array(e[0]), Vec4::from_array(e[1]), x[l]);
+        let far = mix(Vec4::from_array(e[TABLE_SIZE]), Vec4::from_array(e[TABLE_SIZE + 1]), x[l]);
+        mix(near, far, y[l])
+    })
+}
+
+#[inline(always)]
+fn mix(a: Vec4, b: Vec4, t: f32) -> Vec4 {
+    a + (b - a) * t
+}
+
+/// Four-vectors of all lanes, turned into lanes of each component.
+#[inline(always)]
+fn by_channel(of: impl Fn(usize) -> Vec4) -> [Lanes; 4] {
+    let mut out = [[0.0; LANES]; 4];
+    for i in (0..LANES).step_by(4) {
+        let turned = Mat4::from_cols(of(i), of(i + 1), of(i + 2), of(i + 3)).transpose();
+        for (out, c) in out.iter_mut().zip([turned.x_axis, turned.y_axis, turned.z_axis, turned.w_axis]) {
+            out[i..i + 4].copy_from_slice(&c.to_array());
+        }
+    }
+    out
 }
 
 /// Logarithm to base 2 of a value in 0..=1, to 1e-6; below -100 for 0. By `atanh` of the mantissa around 1.
@@ -293,14 +338,13 @@ fn log2(x: f32) -> f32 {
 /// 2 to the power of a value not above 0, to 1e-6 of it; 2^-126 below that.
 #[inline(always)]
 fn exp2(y: f32) -> f32 {
-    const MAGIC: f32 = 12_582_912.0;
     let y = if y > -126.0 { y } else { -126.0 };
     let rounded = y + MAGIC;
     let f = y - (rounded - MAGIC);
     let p = 1.0
         + f * (0.693_147_2
             + f * (0.240_226_5 + f * (0.055_504_11 + f * (0.009_618_13 + f * (0.001_333_36 + f * 0.000_154_04)))));
-    let scale = f32::from_bits(((rounded.to_bits() as i32 - MAGIC.to_bits() as i32 + 127) << 23) as u32);
+    let scale = f32::from_bits(((integer(rounded) + 127) << 23) as u32);
     p * scale
 }
 

@@ -56,7 +56,7 @@ pub struct Tile {
     pending: [u32; HEIGHT],
     pub alive: [u32; HEIGHT],
     /// Premultiplied linear colour and opacity so far; the largest value and 1 for maximum intensity.
-    pub sum: [[f32; 4]; AREA],
+    pub sum: [Plane; 4],
     /// Where the last fragment looked for the value at the next slice, and that value.
     pub seen_at: [Plane; 3],
     pub seen: Plane,
@@ -78,7 +78,7 @@ impl Tile {
             varies: false,
             pending: [0; HEIGHT],
             alive: [0; HEIGHT],
-            sum: [[0.0; 4]; AREA],
+            sum: [[0.0; AREA]; 4],
             seen_at: [[0.0; AREA]; 3],
             seen: [0.0; AREA],
             to_eye: [[0.0; AREA]; 3],
@@ -96,7 +96,7 @@ impl Tile {
         self.pending = [0; HEIGHT];
         self.alive = [0; HEIGHT];
         self.alive[..self.size[1] as usize].fill(bits(0..self.size[0] as usize));
-        self.sum.fill([0.0; 4]);
+        self.sum = [[0.0; AREA]; 4];
         // no fragment lies there
         self.seen_at[0].fill(f32::INFINITY);
         let [eye, axis, light] =
@@ -238,10 +238,11 @@ impl Tile {
         }
     }
 
-    /// Rows of finished pixels: row number in the picture, first column, sums.
-    pub fn rows(&self) -> impl Iterator<Item = (usize, usize, &[[f32; 4]])> {
+    /// Rows of the tile: row and first column in the picture, and sums.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, usize, impl Iterator<Item = [f32; 4]>)> {
         (0..self.size[1] as usize).map(|row| {
-            let sums = &self.sum[row * WIDTH..row * WIDTH + self.size[0] as usize];
+            let pixels = row * WIDTH..row * WIDTH + self.size[0] as usize;
+            let sums = pixels.map(|i| [0, 1, 2, 3].map(|c: usize| self.sum[c][i]));
             (self.origin[1] as usize + row, self.origin[0] as usize, sums)
         })
     }
