@@ -44,7 +44,9 @@ fn main() {
         let bytes = volume.samples.bytes().len();
         let plain = folder.path().join("plain");
         std::fs::write(&plain, volume.samples.bytes()).expect("room for a file");
-        time(&format!("{kind} std::fs::read"), bytes, rounds, || drop(black_box(std::fs::read(&plain).expect("readable"))));
+        time(&format!("{kind} std::fs::read"), bytes, rounds, || {
+            drop(black_box(std::fs::read(&plain).expect("readable")))
+        });
         for (name, encoding) in [
             ("v.raw", Encoding::Raw),
             ("v.nrrd", Encoding::Raw),

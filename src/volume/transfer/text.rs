@@ -21,10 +21,7 @@ const HEADER: &str = "voxclay transfer function 1";
 pub const MOST_POINTS: usize = 4096;
 
 fn finite(word: &str, line: usize) -> Result<f64, TransferError> {
-    word.parse::<f64>()
-        .ok()
-        .filter(|v| v.is_finite())
-        .ok_or_else(|| TransferError::Number { line, word: clip(word) })
+    word.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| TransferError::Number { line, word: clip(word) })
 }
 
 /// Keeps messages short whatever the file holds.
