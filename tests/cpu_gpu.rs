@@ -175,7 +175,7 @@ fn agree_on(gpu: &Arc<Gpu>, scenes: &[Scene], least: f64) {
                 std::fs::write(std::path::Path::new(&dir).join(name), p.png().unwrap()).unwrap();
             }
         }
-        assert!(covered(&cpu) > 0.2, "{}: nothing to compare", s.what);
+        assert!(covered(&cpu) > 0.1, "{}: nothing to compare", s.what);
         assert!(db >= least, "{}: {db:.2} dB", s.what);
     }
 }
@@ -361,9 +361,14 @@ fn what_is_not_moved_is_bit_exact() {
         // shifted by whole voxels: the rest is the outside value
         let shift = DAffine3::from_translation(DVec3::new(3.0, -2.0, 5.0));
         let moved = Grid { world_from_voxel: v.grid.world_from_voxel * shift, ..v.grid };
-        let want = resampled(&v, &nothing, &moved, Interpolation::Linear, 0.0);
         let made = run(&moved, false);
-        assert!(want.iter().enumerate().all(|(i, w)| made.samples.get(i) == *w), "{t:?}");
+        let [nx, ny, nz] = v.grid.dims.map(|n| n as i64);
+        for i in 0..nx * ny * nz {
+            let [x, y, z] = [i % nx + 3, i / nx % ny - 2, i / nx / ny + 5];
+            let inside = x < nx && y >= 0 && z < nz;
+            let want = if inside { v.samples.get(((z * ny + y) * nx + x) as usize) } else { 0.0 };
+            assert_eq!(made.samples.get(i as usize), want, "{t:?} at {x} {y} {z}");
+        }
     }
 }
 
