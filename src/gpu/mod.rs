@@ -1,10 +1,12 @@
 //! L3: drawing and resampling on the GPU, off screen.
 
 mod cull;
+mod deform;
 mod device;
 mod error;
 pub mod layout;
 mod renderer;
+mod resample;
 mod resolve;
 pub mod shader;
 mod slicing;
@@ -14,4 +16,5 @@ mod volume;
 pub use device::{Capabilities, Gpu, Preference};
 pub use error::GpuError;
 pub use renderer::Renderer;
+pub use resample::{ResampleError, ResampleJob, ResamplePass};
 pub use timing::Timings;

@@ -1,7 +1,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::cull::{Visibility, cull};
+use super::deform::MapBuffers;
 use super::layout::ObjectUniform;
 use super::resolve::{PixelTarget, ResolvePass};
 use super::shader::{Mode, Variant};
@@ -9,6 +12,7 @@ use super::slicing::{GeometryBuffers, SliceTarget, SlicingPass, common_jacobian}
 use super::timing::{Timer, Timings};
 use super::volume::VolumeTexture;
 use super::{Gpu, GpuError};
+use crate::deform::Stack;
 use crate::render::{ClassTable, Field, Frame, Picture, SliceGeometry, TABLE_SIZE};
 
 /// The volume on the device: bind group 1.
@@ -41,6 +45,11 @@ pub struct Renderer {
     table: Option<Arc<ClassTable>>,
     object: Option<Object>,
     slices: Option<Slices>,
+    map_layout: wgpu::BindGroupLayout,
+    map: MapBuffers,
+    map_group: wgpu::BindGroup,
+    /// The stack that is evaluated per fragment, if it is, and the centre it was uploaded for.
+    exact: Option<(Stack, Option<DVec3>)>,
     geometry: GeometryBuffers,
     slicing: SlicingPass,
     resolve: ResolvePass,
@@ -96,7 +105,13 @@ impl Renderer {
             ..Default::default()
         });
         let table_texture = gpu.allocate("the transfer function", 1 << 20, || table_texture(&gpu))?;
-        let slicing = SlicingPass::new(&gpu, &frame_layout, &object_layout);
+        let map_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("backward map"),
+            entries: &MapBuffers::layout(S::FRAGMENT),
+        });
+        let map = MapBuffers::new(&gpu)?;
+        let map_group = map_group(&gpu, &map_layout, &map);
+        let slicing = SlicingPass::new(&gpu, [&frame_layout, &object_layout, &map_layout]);
         let resolve = ResolvePass::new(&gpu, &frame_layout)?;
         let geometry = GeometryBuffers::new(&gpu)?;
         let timer = Timer::new(&gpu);
@@ -111,6 +126,10 @@ impl Renderer {
             table: None,
             object: None,
             slices: None,
+            map_layout,
+            map,
+            map_group,
+            exact: None,
             geometry,
             slicing,
             resolve,
@@ -156,6 +175,9 @@ impl Renderer {
         gpu.check()?;
         self.object = Some(Object { field: field.clone(), uniform, group });
         self.stale();
+        if let Some((_, uploaded)) = &mut self.exact {
+            *uploaded = None;
+        }
         Ok(())
     }
 
@@ -183,6 +205,14 @@ impl Renderer {
         self.slices = Some(Slices { source: geometry.clone(), jacobian, culled_for: None });
     }
 
+    /// Evaluates the stack at every fragment instead of interpolating over the geometry (`slicing-exact`); `None` goes back.
+    pub fn set_exact(&mut self, stack: Option<&Stack>) {
+        if self.exact.as_ref().map(|(s, _)| s) != stack {
+            self.exact = stack.map(|s| (s.clone(), None));
+            self.stale();
+        }
+    }
+
     /// The slices must be culled again.
     fn stale(&mut self) {
         if let Some(slices) = &mut self.slices {
@@ -197,9 +227,19 @@ impl Renderer {
         };
         let key = (frame.window, frame.size[2]);
         if slices.culled_for != Some(key) {
-            let culled = Visibility::new(&object.field, table, frame).map(|v| cull(&slices.source, v));
+            // the texture coordinates of the corners say nothing of the fragments' where the map is evaluated at each
+            let visibility = if self.exact.is_none() { Visibility::new(&object.field, table, frame) } else { None };
+            let culled = visibility.map(|v| cull(&slices.source, v));
             self.geometry.upload(&self.gpu, &slices.source, culled.as_ref())?;
             slices.culled_for = Some(key);
+        }
+        if let Some((stack, uploaded)) = &mut self.exact {
+            let center = slices.source.center;
+            if *uploaded != Some(center) {
+                self.map.write(&self.gpu, stack, object.field.grid.texture_from_world(), center)?;
+                self.map_group = map_group(&self.gpu, &self.map_layout, &self.map);
+                *uploaded = Some(center);
+            }
         }
         Ok(())
     }
@@ -228,7 +268,8 @@ impl Renderer {
                 forward: frame.has(Frame::FORWARD),
                 perspective: frame.eye[3] != 0.0,
                 rgba: object.field.channels == 4,
-                affine: slices.jacobian.is_some(),
+                affine: slices.jacobian.is_some() && self.exact.is_none(),
+                exact: self.exact.is_some(),
             };
             self.slicing.prepare(&self.gpu, v)?;
             variant = Some((v, object));
@@ -240,7 +281,7 @@ impl Renderer {
         self.slicing.run(
             &mut encoder,
             slices,
-            variant.map(|(v, o)| (v, [&self.frame_group, &o.group])),
+            variant.map(|(v, o)| (v, [&self.frame_group, &o.group, &self.map_group])),
             &self.geometry,
             stamps(0),
         );
@@ -293,6 +334,14 @@ impl Object {
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
+}
+
+fn map_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, map: &MapBuffers) -> wgpu::BindGroup {
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("backward map"),
+        layout,
+        entries: &map.entries(),
+    })
 }
 
 fn uniform_entry(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {

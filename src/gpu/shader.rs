@@ -8,6 +8,10 @@ use std::fmt::Write;
 const COMMON: &str = include_str!("../../shaders/common.wgsl");
 const FIELD: &str = include_str!("../../shaders/field.wgsl");
 const SHADE: &str = include_str!("../../shaders/shade.wgsl");
+const DEFORM: &str = include_str!("../../shaders/deform.wgsl");
+const PLACE_MESH: &str = include_str!("../../shaders/place_mesh.wgsl");
+const PLACE_EXACT: &str = include_str!("../../shaders/place_exact.wgsl");
+const RESAMPLE: &str = include_str!("../../shaders/resample.wgsl");
 const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
 const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
 
@@ -44,6 +48,8 @@ pub struct Variant {
     pub rgba: bool,
     /// The Jacobian is the same everywhere: nothing is deformed.
     pub affine: bool,
+    /// The backward map is evaluated per fragment instead of interpolated.
+    pub exact: bool,
 }
 
 impl Variant {
@@ -62,19 +68,21 @@ impl Variant {
             // writing to a string cannot fail
             let _ = writeln!(source, "const {name}: bool = {on};");
         }
-        source + COMMON + FIELD + SHADE + SLICING
+        let place = if self.exact { [DEFORM, PLACE_EXACT] } else { ["", PLACE_MESH] };
+        source + COMMON + FIELD + SHADE + SLICING + place[0] + place[1]
     }
 
     /// Every variant, for the test that validates them.
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..Mode::ALL.len() << 6).map(|i| Self {
-            mode: Mode::ALL[i >> 6],
+        (0..Mode::ALL.len() << 7).map(|i| Self {
+            mode: Mode::ALL[i >> 7],
             lit: i & 1 != 0,
             preintegrated: i & 2 != 0,
             forward: i & 4 != 0,
             perspective: i & 8 != 0,
             rgba: i & 16 != 0,
             affine: i & 32 != 0,
+            exact: i & 64 != 0,
         })
     }
 }
@@ -82,4 +90,9 @@ impl Variant {
 /// The shader that turns the accumulated picture into pixels.
 pub fn resolve(mip: bool) -> String {
     format!("const MIP: bool = {mip};\n{COMMON}{RESOLVE}")
+}
+
+/// The shader that resamples the deformed volume.
+pub fn resample() -> String {
+    [DEFORM, RESAMPLE].concat()
 }

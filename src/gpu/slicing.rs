@@ -57,7 +57,12 @@ pub fn common_jacobian(geometry: &SliceGeometry) -> Option<[f32; 9]> {
     geometry.vertices.par_iter().with_min_len(1 << 14).all(|v| v.jacobian == first).then_some(first)
 }
 
-fn buffer(gpu: &Gpu, what: &'static str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
+pub(super) fn buffer(
+    gpu: &Gpu,
+    what: &'static str,
+    size: u64,
+    usage: wgpu::BufferUsages,
+) -> Result<wgpu::Buffer, GpuError> {
     gpu.allocate(what, size, || {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
@@ -69,7 +74,7 @@ fn buffer(gpu: &Gpu, what: &'static str, size: u64, usage: wgpu::BufferUsages) -
 }
 
 /// Writes both parts of `data` one after the other, into a new buffer if it does not fit.
-fn fill(gpu: &Gpu, what: &'static str, old: &mut wgpu::Buffer, data: [&[u8]; 2]) -> Result<(), GpuError> {
+pub(super) fn fill(gpu: &Gpu, what: &'static str, old: &mut wgpu::Buffer, data: [&[u8]; 2]) -> Result<(), GpuError> {
     let (need, limit) = ((data[0].len() + data[1].len()) as u64, gpu.limits().max_buffer_size);
     if need > limit {
         return Err(GpuError::TooLarge { what, size: format!("{need} bytes"), limit: format!("{limit} bytes") });
@@ -124,17 +129,21 @@ impl SliceTarget {
 #[derive(Debug)]
 pub struct SlicingPass {
     layout: wgpu::PipelineLayout,
+    /// With the backward map.
+    exact_layout: wgpu::PipelineLayout,
     pipelines: HashMap<Variant, wgpu::RenderPipeline>,
 }
 
 impl SlicingPass {
-    pub fn new(gpu: &Gpu, frame: &wgpu::BindGroupLayout, object: &wgpu::BindGroupLayout) -> Self {
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("slicing"),
-            bind_group_layouts: &[Some(frame), Some(object)],
-            immediate_size: 0,
-        });
-        Self { layout, pipelines: HashMap::new() }
+    pub fn new(gpu: &Gpu, groups: [&wgpu::BindGroupLayout; 3]) -> Self {
+        let layout = |count: usize| {
+            gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("slicing"),
+                bind_group_layouts: &groups.map(Some)[..count],
+                immediate_size: 0,
+            })
+        };
+        Self { layout: layout(2), exact_layout: layout(3), pipelines: HashMap::new() }
     }
 
     /// Compiles the pipeline of a variant the first time it is used.
@@ -143,7 +152,9 @@ impl SlicingPass {
     /// [`GpuError::Refusal`].
     pub fn prepare(&mut self, gpu: &Gpu, variant: Variant) -> Result<(), GpuError> {
         if !self.pipelines.contains_key(&variant) {
-            let pipeline = gpu.allocate("a pipeline", 0, || pipeline(gpu, &self.layout, variant))?;
+            let pipeline = gpu.allocate("a pipeline", 0, || {
+                pipeline(gpu, if variant.exact { &self.exact_layout } else { &self.layout }, variant)
+            })?;
             self.pipelines.insert(variant, pipeline);
         }
         Ok(())
@@ -154,7 +165,7 @@ impl SlicingPass {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         target: &SliceTarget,
-        variant: Option<(Variant, [&wgpu::BindGroup; 2])>,
+        variant: Option<(Variant, [&wgpu::BindGroup; 3])>,
         geometry: &GeometryBuffers,
         timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
@@ -183,7 +194,8 @@ impl SlicingPass {
         let Some(pipeline) = self.pipelines.get(&variant) else { return };
         if let (Some(far), Some(near)) = (geometry.slices.first(), geometry.slices.last()) {
             pass.set_pipeline(pipeline);
-            groups.into_iter().zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
+            let count = if variant.exact { 3 } else { 2 };
+            groups.into_iter().take(count).zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
             pass.set_vertex_buffer(0, geometry.vertices.slice(..));
             pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
             if iso {
