@@ -74,7 +74,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=8))]
     subdivision: Option<u8>,
     /// Largest error of the displaced coordinate, in voxels.
-    #[arg(long, value_name = "T", default_value_t = 0.1)]
+    #[arg(long, value_name = "T", default_value_t = 0.25)]
     tolerance: f64,
     /// Degrees round the vertical axis, from the front.
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
@@ -84,7 +84,7 @@ pub struct ViewArgs {
     pitch: Option<f64>,
     #[arg(long, value_name = "Z")]
     zoom: Option<f64>,
-    /// Preset (see `voxclay render --help-transfer`), file, or `auto`.
+    /// Preset (such as ct-bone; a wrong name lists them), file, or `auto`.
     #[arg(long, value_name = "NAME|FILE")]
     transfer: Option<String>,
     /// Without light.

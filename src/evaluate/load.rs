@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::deform::Stack;
+use crate::deform::{Deformer, Stack};
 use crate::io;
-use crate::math::BackwardMap;
 use crate::mesh::check::MeshReport;
 use crate::mesh::{self, Topology, TriMesh};
 use crate::render::{Camera, Field, TexelSlice};
@@ -163,7 +162,7 @@ fn focus(field: &Field, iso: f64) -> (DVec3, f64) {
     let world = |v: DVec3| field.grid.world_from_voxel.transform_point3(v - 0.5);
     let (a, b) = (world(lo), world(hi));
     // objects rarely fill the corners of their box
-    (0.5 * (a + b), 0.5 * 0.86 * (b - a).length())
+    (0.5 * (a + b), 0.5 * 0.95 * (b - a).length())
 }
 
 fn phantom(source: &VolumeSource) -> Option<Phantom> {
@@ -258,15 +257,22 @@ fn proxy(
     }
 }
 
-/// The box of the texture cube along the voxel axes, grown to hold the supports of the stack.
+/// The box of the texture cube along the voxel axes, grown to hold what the stack pulls out of it.
 fn grown_box(grid: &Grid, stack: &Stack) -> TriMesh {
     let texture_from_world = grid.texture_from_world();
     let (mut lo, mut hi) = (DVec3::ZERO, DVec3::ONE);
-    for support in stack.supports() {
-        for corner in support.corners() {
-            let t = texture_from_world.transform_point3(corner);
-            (lo, hi) = (lo.min(t), hi.max(t));
-        }
+    for deformer in stack.active() {
+        // the displacement is a convex combination of nothing and these vectors, and stays inside the support
+        let vectors = match deformer {
+            Deformer::Displacement(d) => vec![d.vector()],
+            Deformer::Grab(g) => vec![g.vector()],
+            Deformer::Lattice(l) => l.handles().to_vec(),
+        };
+        let moves = vectors.iter().map(|v| texture_from_world.transform_vector3(*v));
+        let (least, most) = moves.fold((DVec3::ZERO, DVec3::ZERO), |(a, b), v| (a.min(v), b.max(v)));
+        let corners = deformer.support().corners().map(|c| texture_from_world.transform_point3(c));
+        let (from, to) = corners.iter().fold((corners[0], corners[0]), |(a, b), c| (a.min(*c), b.max(*c)));
+        (lo, hi) = (lo.min((lo + least).max(from)), hi.max((hi + most).min(to)));
     }
     let world = grid.world_from_texture();
     let corner = |i: usize| {

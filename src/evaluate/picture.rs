@@ -1,5 +1,6 @@
 //! A picture of an object: slices for the view, drawn on the CPU or the GPU.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -59,6 +60,11 @@ pub struct PictureReport {
     pub ms_total: f64,
 }
 
+/// Whether it is worth asking: on Linux, a graphics card shows as a device file.
+fn may_have_gpu() -> bool {
+    !cfg!(target_os = "linux") || ["/dev/dri", "/dev/nvidia0", "/dev/dxg"].iter().any(|p| Path::new(p).exists())
+}
+
 /// A renderer with its device, kept from picture to picture.
 #[derive(Debug)]
 pub struct Renderer {
@@ -72,6 +78,7 @@ impl Renderer {
         let device = match backend {
             Backend::Cpu => None,
             Backend::Gpu => Some(Gpu::open(Preference::Any)?),
+            Backend::Auto if !may_have_gpu() => None,
             Backend::Auto => Gpu::open(Preference::Any).ok().filter(|g| !g.is_software()),
         };
         Ok(Self { gpu: device.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
