@@ -43,7 +43,7 @@ impl Planes {
 
     /// How many planes lie at or below `height`; none if it is not a number. Exact with respect to [`Planes::height`].
     pub fn below(&self, height: f64) -> u32 {
-        if !(height >= self.first) || self.count == 0 {
+        if height.is_nan() || height < self.first || self.count == 0 {
             return 0;
         }
         // the guess is off by one at most, unless the step drowns in the heights' rounding
