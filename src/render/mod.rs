@@ -32,7 +32,7 @@
 //! - *Iso*: drawn where `max(s(front), s(back)) >= iso`: if `s(front) >= iso` at `x = front`, else at `x = mix(front, back, t)`,
 //!   `t = (iso - s(front)) / (s(back) - s(front))`; nearest by depth, opaque, its colour shaded with `w = 1`, the gradient
 //!   taken at `x` and everything else at the fragment. The window is the field's whole range, so nothing is clamped. If
-//!   `g = 0`, `n = v`.
+//!   `|g| < 1e-5` (per voxel), that is rounding, and `n = v`.
 //! - *MIP*: the largest `s(front)` along the ray, not lit; shown as the sRGB grey `s` with opacity 1 where anything was drawn.
 //! - *Background*: a vertical gradient between two sRGB colours, mixed as sRGB at the pixel's centre (`(y + 1/2) / height`);
 //!   the linear sum is encoded to sRGB at the end. A transparent picture has straight (not premultiplied) alpha: its colour is

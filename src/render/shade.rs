@@ -17,6 +17,9 @@ const UNLIT: f32 = 2e-3;
 /// How far, in texels, the value at the next slice may have been looked up from where that slice's fragment lies.
 const SAME: f32 = 1.0 / 256.0;
 
+/// Gradients below this, in window units per voxel, are rounding and have no direction.
+const FLAT: f32 = 1e-5;
+
 /// How far outside the texture a fragment may lie, for the rounding of interpolation.
 const SLACK: f32 = 1e-5;
 
@@ -233,7 +236,7 @@ impl Tile {
             let g = |c: usize| jacobian[3 * c][l] * dx + jacobian[3 * c + 1][l] * dy + jacobian[3 * c + 2][l] * dz;
             let (gx, gy, gz) = (g(0), g(1), g(2));
             let square = gx * gx + gy * gy + gz * gz;
-            let flat = square < 1e-20;
+            let flat = square < FLAT * FLAT;
             let length = square.sqrt();
             let facing = gx * to_eye[0][l] + gy * to_eye[1][l] + gz * to_eye[2][l];
             let unit = (if facing < 0.0 { -1.0 } else { 1.0 }) / if flat { 1.0 } else { length };
