@@ -116,7 +116,7 @@ fn camera(perspective: bool) -> Camera {
         yaw: 25.0,
         pitch: 15.0,
         radius: 36.0,
-        zoom: 1.1,
+        zoom: 1.5,
         projection: if perspective { Projection::Perspective { fov_y: 50.0 } } else { Projection::Orthographic },
     }
 }
@@ -197,7 +197,7 @@ fn volume_pictures_agree() {
         },
         Scene { look: Look { lit: false, preintegrated: false, ..base }, ..scene("plain", volume(U8, 1)) },
         Scene { deformed: true, ..scene("rgba", volume(U8, 4)) },
-        Scene { look: Look { transparent: true, lit: false, ..base }, ..scene("transparent", volume(U16, 4)) },
+        Scene { look: Look { transparent: true, lit: false, ..base }, ..scene("transparent", volume(U8, 4)) },
     ];
     agree_on(&gpu(), &scenes, 45.0);
 }

@@ -118,7 +118,7 @@ impl Gpu {
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
             | wgpu::Features::TIMESTAMP_QUERY;
-        let features = adapter.features() & wanted - avoid;
+        let features = adapter.features() & (wanted - avoid);
         let limits = adapter.limits();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("voxclay"),

@@ -1,6 +1,6 @@
 //! L3: drawing and resampling on the GPU, off screen.
 
-mod cull;
+pub mod cull;
 mod deform;
 mod device;
 mod error;

@@ -45,6 +45,7 @@ pub struct Renderer {
     table: Option<Arc<ClassTable>>,
     object: Option<Object>,
     slices: Option<Slices>,
+    culling: bool,
     map_layout: wgpu::BindGroupLayout,
     map: MapBuffers,
     map_group: wgpu::BindGroup,
@@ -126,6 +127,7 @@ impl Renderer {
             table: None,
             object: None,
             slices: None,
+            culling: true,
             map_layout,
             map,
             map_group,
@@ -213,6 +215,14 @@ impl Renderer {
         }
     }
 
+    /// Whether triangles in which nothing can be seen are left out (they are, unless one wants to know what that saves).
+    pub fn set_culling(&mut self, on: bool) {
+        if self.culling != on {
+            self.culling = on;
+            self.stale();
+        }
+    }
+
     /// The slices must be culled again.
     fn stale(&mut self) {
         if let Some(slices) = &mut self.slices {
@@ -228,7 +238,8 @@ impl Renderer {
         let key = (frame.window, frame.size[2]);
         if slices.culled_for != Some(key) {
             // the texture coordinates of the corners say nothing of the fragments' where the map is evaluated at each
-            let visibility = if self.exact.is_none() { Visibility::new(&object.field, table, frame) } else { None };
+            let visibility =
+                if self.culling && self.exact.is_none() { Visibility::new(&object.field, table, frame) } else { None };
             let culled = visibility.map(|v| cull(&slices.source, v));
             self.geometry.upload(&self.gpu, &slices.source, culled.as_ref())?;
             slices.culled_for = Some(key);
