@@ -117,6 +117,7 @@ impl Renderer {
             Some(gpu) => {
                 gpu.set_field(&object.field)?;
                 gpu.set_table(&table);
+                gpu.set_exact((options.mode == Mode::SlicingExact).then_some(&object.stack));
                 gpu.set_geometry(&geometry);
                 (gpu.draw(&frame)?, None)
             }
