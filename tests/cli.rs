@@ -223,6 +223,26 @@ fn defective_meshes_are_drawn_with_a_warning() {
     assert!(exists(&dir, "a.png"));
 }
 
+/// A stroke that would fold is shortened and says so, unless it is let through.
+#[test]
+fn strokes_that_fold_are_held_back() {
+    let dir = TempDir::new().unwrap();
+    let fold = PROJECT.replace("[0.1, 0, 0.05]", "[0.5, 0, 0]");
+    std::fs::write(dir.path().join("fold.voxclay"), &fold).unwrap();
+    std::fs::write(dir.path().join("let.voxclay"), fold.replace("\"stack\"", "\"allow_folds\": true, \"stack\"")).unwrap();
+    let run = |name: &str, out: &str| {
+        let out = voxclay(&dir, &["export", name, "-o", out, "--mode", "reference"]);
+        assert_eq!(out.status.code(), Some(0));
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    let held = run("fold.voxclay", "a.raw");
+    assert!(held.contains("'pull' is held back") && held.contains("of 0.500"), "{held}");
+    let free = run("let.voxclay", "b.raw");
+    assert!(!free.contains("held back"), "{free}");
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    assert_ne!(read("a.raw"), read("b.raw"));
+}
+
 /// A failed write leaves what was there before.
 #[test]
 fn an_old_file_survives_a_failure() {

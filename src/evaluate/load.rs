@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::deform::{Deformer, Stack};
+use crate::deform::{Deformer, Limit, Stack};
 use crate::io;
 use crate::mesh::check::MeshReport;
 use crate::mesh::{self, Topology, TriMesh};
@@ -108,8 +108,8 @@ pub fn load(document: &Document, base: &Path) -> Result<Object, EvaluateError> {
     let transfer = transfer(&document.transfer, base, field.range, &histogram.counts)?;
     let window = transfer.resolve(field.range);
     let mut warnings = Vec::new();
-    let stack = document.stack.clone();
-    let mesh = proxy(document, base, &volume, iso, &mut warnings)?;
+    let stack = unfolded(document, &mut warnings);
+    let mesh = proxy(document, &stack, base, &volume, iso, &mut warnings)?;
     let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
     let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
     let focus = focus(&field, iso);
@@ -165,6 +165,26 @@ fn focus(field: &Field, iso: f64) -> (DVec3, f64) {
     (0.5 * (a + b), 0.5 * 0.95 * (b - a).length())
 }
 
+/// The stack with every stroke shortened that would fold space, and a sentence about each.
+fn unfolded(document: &Document, warnings: &mut Vec<String>) -> Stack {
+    let mut stack = document.stack.clone();
+    if document.allow_folds {
+        return stack;
+    }
+    for (i, item) in stack.items.iter_mut().enumerate().filter(|(_, item)| item.enabled) {
+        let limited = item.deformer.limited(Limit::default());
+        if limited.held_back() > 0.0 {
+            let name = if item.name.is_empty() { format!("stroke {}", i + 1) } else { format!("'{}'", item.name) };
+            warnings.push(format!(
+                "{name} is held back: {:.3} of {:.3} units, longer would fold (widen its extent, or set \"allow_folds\": true)",
+                limited.kept, limited.asked
+            ));
+            item.deformer = limited.deformer;
+        }
+    }
+    stack
+}
+
 fn phantom(source: &VolumeSource) -> Option<Phantom> {
     match source {
         VolumeSource::Phantom { name, .. } => Phantom::from_name(name),
@@ -211,6 +231,7 @@ fn transfer(name: &str, base: &Path, range: [f64; 2], counts: &[u64]) -> Result<
 /// The proxy mesh in the world, placed and moved by the shape tools.
 fn proxy(
     document: &Document,
+    stack: &Stack,
     base: &Path,
     volume: &Volume,
     iso: f64,
@@ -227,7 +248,7 @@ fn proxy(
     };
     match &document.proxy {
         // a box that holds the volume must also hold what was pulled out of it
-        ProxySource::Box => placed(grown_box(grid, &document.stack)),
+        ProxySource::Box => placed(grown_box(grid, stack)),
         ProxySource::Auto { iso: given } => {
             let iso = given.unwrap_or(iso);
             let stored = volume.rescale;
@@ -239,7 +260,7 @@ fn proxy(
                 &mesh::proxy::ProxyOptions::default(),
             ))?;
             // the hull was made for the volume at rest, so it follows everything that moves
-            let mut all = document.stack.clone();
+            let mut all = stack.clone();
             all.items.iter_mut().for_each(|i| i.moves_shape = true);
             Ok(all.move_mesh(&placed(hull)?)?)
         }
@@ -252,7 +273,7 @@ fn proxy(
             for defect in MeshReport::of(&mesh).defects().iter().filter(|d| d.kind.spoils_slices()) {
                 warnings.push(format!("{}: {defect}", path.display()));
             }
-            Ok(document.stack.move_mesh(&placed(mesh)?)?)
+            Ok(stack.move_mesh(&placed(mesh)?)?)
         }
     }
 }

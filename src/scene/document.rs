@@ -18,6 +18,9 @@ pub struct Document {
     pub placement: Placement,
     #[serde(default)]
     pub stack: Stack,
+    /// Let strokes through that fold space; else they are shortened until they do not.
+    #[serde(default)]
+    pub allow_folds: bool,
     /// Name of a preset, a path of a transfer function file, or `auto`.
     #[serde(default = "auto")]
     pub transfer: String,
@@ -39,6 +42,7 @@ impl Document {
             proxy: ProxySource::default(),
             placement: Placement::default(),
             stack: Stack::default(),
+            allow_folds: false,
             transfer: auto(),
             look: LookSpec::default(),
             camera: CameraSpec::default(),
