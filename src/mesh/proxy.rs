@@ -8,17 +8,21 @@
 //! 1. The voxels above the isovalue are gathered in boxes, about 64 along each axis, each as tight as its voxels allow and
 //!    grown by a margin. D(p) is the distance from p to the nearest box.
 //! 2. A lattice is chosen so coarse that its surface net ([`super::nets`]) has the wanted number of triangles. Nodes with
-//!    D <= r are inside. The set is made well-composed and its cavities are filled: the net is a closed manifold.
-//! 3. Vertices start where D = r along the lattice edges and are relaxed towards the mean of their neighbours, but neither
-//!    out of their own cell nor nearer to a box than a part of the lattice spacing.
-//! 4. The result is checked, not trusted: no triangle may touch a box (separating axes), the mesh must wind once about each
-//!    box, and no triangle may meet another. Offending vertices are pushed out, or back to the middle of their cells; where
-//!    that does not help, nodes are added there, and if need be all is done again with a larger r.
+//!    D <= r are inside; r is half the diagonal of a cell at first, so that no box is missed. The set is made well-composed
+//!    and its cavities are filled: the net is a closed manifold.
+//! 3. Vertices start where D = r along the lattice edges. Those of triangles that touch a box (separating axes) are pushed
+//!    away from it; where that does not help, nodes are added.
+//! 4. Vertices are relaxed towards the mean of their neighbours, but no nearer to a box than a part of the lattice spacing.
+//!    After each round the quadrilaterals that touch a box go back to where they were, so that the net, a membrane that
+//!    shrinks onto the boxes, never lets one through.
+//! 5. The result is checked, not trusted: no triangle may touch a box, the mesh must wind once about each box, and no
+//!    triangle may meet another. Vertices of triangles that do must stay in their cells in the next try. Where nothing helps,
+//!    all is done again with a larger r.
 //!
-//! The last r is the diagonal of a lattice cell, for which containment holds wherever in their cells the vertices are: each
-//! point of the net is at most one cell away, along each axis, from an outside node, thus at most a diagonal, and from there
-//! every box is farther. And with all vertices in the middle of their cells the net is a hull of cubes, which does not meet
-//! itself. So the method always ends with a sound mesh.
+//! The last r is the diagonal of a lattice cell, with all vertices in their cells. Then containment holds wherever in their
+//! cells they are: each point of the net is at most one cell away, along each axis, from an outside node, thus at most a
+//! diagonal, and from there every box is farther. And with all vertices in the middle of their cells the net is a hull of
+//! cubes, which does not meet itself. So the method always ends with a sound mesh.
 //!
 //! # Practice
 //!
