@@ -64,7 +64,16 @@ impl Carp {
             .pair(2.0, cone(v(1.0, -155.0, -13.0), v(11.0, -132.0, -17.0), 1.9, 2.2))
             .pair(2.0, cone(v(11.0, -132.0, -17.0), v(14.0, -118.0, 4.0), 1.8, 1.6))
             // the girdle behind the gills
-            .chain(2.0, true, &[(v(12.0, -82.0, 30.0), 1.8), (v(24.0, -80.0, 6.0), 2.4), (v(22.0, -82.0, -22.0), 2.6), (v(5.0, -96.0, -40.0), 2.2)]);
+            .chain(
+                2.0,
+                true,
+                &[
+                    (v(12.0, -82.0, 30.0), 1.8),
+                    (v(24.0, -80.0, 6.0), 2.4),
+                    (v(22.0, -82.0, -22.0), 2.6),
+                    (v(5.0, -96.0, -40.0), 2.2),
+                ],
+            );
         // gill arches
         for i in 0..4 {
             let y = -108.0 + 6.0 * i as f32;
@@ -126,7 +135,8 @@ fn place(p: Vec3) -> Place {
     let (k0, k1) = (q.length(), v(q.x / width, 0.0, q.z / half).length());
     let round = if k1 > 0.0 { (k0 * (k0 - 1.0) / k1).max(-width) } else { -width };
     let end = (SNOUT - p.y).max(p.y - SNOUT - BODY);
-    let body = if end > 0.0 { (round.max(0.0).powi(2) + end * end).sqrt() } else { round.max(-4.0 - 1.2 * (p.y - SNOUT)) };
+    let body =
+        if end > 0.0 { (round.max(0.0).powi(2) + end * end).sqrt() } else { round.max(-4.0 - 1.2 * (p.y - SNOUT)) };
     Place { s: (p.y - SNOUT) / LENGTH, top, bottom, spine: mix(mid, top, 0.24), body }
 }
 
@@ -155,8 +165,13 @@ fn sheet(p: Vec3, at: &Place) -> (f32, f32) {
     // back fin: steep in front, long and low behind
     let up = p.z - at.top;
     let t = (y - 112.0) / 104.0;
-    let edge = if t < 0.0 { -1.0 } else { 34.0 * step(0.0, 0.12, t) * mix(1.0, 0.42, step(0.1, 0.6, t)) * step(1.06, 0.94, t) };
-    let back = (up - edge).max(-8.0 - up).max(112.0 - 0.5 * up.max(0.0) - y).max(0.35 * (y - 0.5 * up.max(0.0) - 216.0));
+    let edge = if t < 0.0 {
+        -1.0
+    } else {
+        34.0 * step(0.0, 0.12, t) * mix(1.0, 0.42, step(0.1, 0.6, t)) * step(1.06, 0.94, t)
+    };
+    let back =
+        (up - edge).max(-8.0 - up).max(112.0 - 0.5 * up.max(0.0) - y).max(0.35 * (y - 0.5 * up.max(0.0) - 216.0));
     let back_rays = (y - 0.55 * up) * 1.45;
     // anal fin
     let down = at.bottom - p.z;
@@ -244,7 +259,8 @@ impl Model for Carp {
             flesh -= 55.0 * step(0.75, 1.0, ((p.y - zig + 0.4 * p.x.abs()) * 0.95).cos());
             x = mix(1290.0, flesh, step(0.7, 0.9 + w, -body));
             // gills: loose and full of air
-            let gills = smax(((p.y + 96.0).powi(2) + (p.z + 8.0).powi(2)).sqrt() - 19.0, 6.0 - p.x.abs(), 2.0).max(here.body + 5.0);
+            let gills = smax(((p.y + 96.0).powi(2) + (p.z + 8.0).powi(2)).sqrt() - 19.0, 6.0 - p.x.abs(), 2.0)
+                .max(here.body + 5.0);
             x = mix(x, 700.0 + 150.0 * (p.y * 2.2 + p.z).sin() + 60.0 * noise(p * 0.4), cover(gills, w));
             x = mix(x, 20.0, cover(at.d(BLADDER, p), w));
             x = mix(x, 1110.0, cover(at.d(EYES, p), w));
@@ -252,7 +268,11 @@ impl Model for Carp {
             x = mix(x, 1500.0, cover(lens, w));
             let mut bone = skeleton(p, &here).min(at.d(HEADBONES, p));
             // plates under the skin of the head: gill cover, cheek, with a window for the eye
-            let plate = ((here.body + 3.4).abs() - 1.1).max(cover_edge + 1.2).max(-146.0 - p.y).max(9.0 - eye).max(4.0 - p.x.abs());
+            let plate = ((here.body + 3.4).abs() - 1.1)
+                .max(cover_edge + 1.2)
+                .max(-146.0 - p.y)
+                .max(9.0 - eye)
+                .max(4.0 - p.x.abs());
             bone = bone.min(plate);
             x = mix(x, BONE + 300.0 * step(-1.0, -3.0, bone), cover(bone, w));
             x = mix(0.0, x, cover(skin, wide));

@@ -74,7 +74,9 @@ fn casting() -> Shape {
             .cut(1.5, cone(v(x, 10.0, 32.0), v(x, 15.0, 41.0), 7.5, 7.0))
             .cut(3.0, cone(v(x, 15.0, 41.0), v(x, 56.0, 40.0), 7.0, 8.5));
         // spark plug wells
-        s = s.cut(1.5, cylinder(v(x, 0.0, 44.0), v(x, 0.0, 70.0), 7.0, 0.0)).cut(1.0, rod(v(x, 0.0, 30.0), v(x, 0.0, 50.0), 3.2));
+        s = s
+            .cut(1.5, cylinder(v(x, 0.0, 44.0), v(x, 0.0, 70.0), 7.0, 0.0))
+            .cut(1.0, rod(v(x, 0.0, 30.0), v(x, 0.0, 50.0), 3.2));
     }
     // the jackets are rings around the bores, joined to each other and to the pump
     for x in CYLINDERS {
@@ -82,10 +84,9 @@ fn casting() -> Shape {
     }
     s = s.cut(2.0, rod(v(-90.0, 0.0, 8.0), v(-60.0, 0.0, 8.0), 6.0));
     for x in CYLINDERS {
-        s = s.add(1.5, cylinder(v(x, 0.0, -36.0), v(x, 0.0, 24.0), 26.0, 0.0)).cut(
-            0.5,
-            cylinder(v(x, 0.0, -70.0), v(x, 0.0, 34.0), BORE, 0.0),
-        );
+        s = s
+            .add(1.5, cylinder(v(x, 0.0, -36.0), v(x, 0.0, 24.0), 26.0, 0.0))
+            .cut(0.5, cylinder(v(x, 0.0, -70.0), v(x, 0.0, 34.0), BORE, 0.0));
     }
     // water passages to the head, oil gallery, cam tunnel
     for (i, x) in [-60.0, -34.0, 0.0, 34.0, 60.0].into_iter().enumerate() {
@@ -101,7 +102,9 @@ fn casting() -> Shape {
     // bolt holes: deck, foot, flanges
     for &x in BOLTS.0 {
         for &y in BOLTS.1 {
-            s = s.cut(0.8, rod(v(x, y, -16.0), v(x, y, 80.0), 3.1)).cut(0.8, cylinder(v(x, y, 61.0), v(x, y, 80.0), 6.0, 0.0));
+            s = s
+                .cut(0.8, rod(v(x, y, -16.0), v(x, y, 80.0), 3.1))
+                .cut(0.8, cylinder(v(x, y, 61.0), v(x, y, 80.0), 6.0, 0.0));
         }
     }
     for x in [-70.0, -35.0, 0.0, 35.0, 70.0] {
@@ -150,7 +153,9 @@ fn steel() -> Shape {
     // head bolts, and the crankshaft's bearings
     for &x in BOLTS.0 {
         for &y in BOLTS.1 {
-            s = s.add(0.5, rod(v(x, y, -12.0), v(x, y, 62.0), 2.3)).add(0.5, cylinder(v(x, y, 61.0), v(x, y, 66.5), 5.0, 0.8));
+            s = s
+                .add(0.5, rod(v(x, y, -12.0), v(x, y, 62.0), 2.3))
+                .add(0.5, cylinder(v(x, y, 61.0), v(x, y, 66.5), 5.0, 0.8));
         }
     }
     for x in [-72.0, 72.0] {

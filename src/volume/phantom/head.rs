@@ -175,8 +175,7 @@ fn skull() -> Shape {
         // base: clivus, petrous bones, mastoids, condyles
         .add(8.0, cone(v(0.0, -28.0, -12.0), v(0.0, 14.0, -30.0), 13.0, 9.0))
         .pair(6.0, cone(v(54.0, 16.0, -20.0), v(53.0, 17.0, -46.0), 12.0, 6.0))
-        .pair(5.0, cone(v(16.0, 22.0, -34.0), v(14.0, 28.0, -42.0), 7.0, 6.0))
-;
+        .pair(5.0, cone(v(16.0, 22.0, -34.0), v(14.0, 28.0, -42.0), 7.0, 6.0));
     s = cavity_cut(s)
         .pair(6.0, cone(v(54.0, 8.0, -16.0), v(14.0, -6.0, -18.0), 10.0, 6.0))
         .pair(5.0, cone(v(10.0, -36.0, 2.0), v(46.0, -46.0, 8.0), 4.0, 3.0))
@@ -197,7 +196,16 @@ fn skull() -> Shape {
             ],
         )
         .add(4.0, cone(v(0.0, -87.0, 12.0), v(0.0, -99.5, -11.0), 6.5, 4.0))
-        .chain(4.0, true, &[(v(5.0, -91.0, 2.0), 4.2), (v(9.5, -92.0, -14.0), 4.2), (v(14.5, -87.0, -32.0), 4.5), (v(12.0, -89.0, -46.0), 5.0)])
+        .chain(
+            4.0,
+            true,
+            &[
+                (v(5.0, -91.0, 2.0), 4.2),
+                (v(9.5, -92.0, -14.0), 4.2),
+                (v(14.5, -87.0, -32.0), 4.5),
+                (v(12.0, -89.0, -46.0), 5.0),
+            ],
+        )
         // zygomatic arch
         .chain(
             5.0,
@@ -311,7 +319,13 @@ fn teeth() -> (Shape, Shape) {
             let rot = Mat3::from_cols(t, v(-t.y, t.x, 0.0), Vec3::Z);
             let height = [10.0, 9.0, 10.5, 8.5, 8.2, 7.6, 7.2, 6.8][i];
             let molar = i > 4;
-            let depth = if molar { 5.0 } else if i > 2 { 4.2 } else { 3.2 };
+            let depth = if molar {
+                5.0
+            } else if i > 2 {
+                4.2
+            } else {
+                3.2
+            };
             let neck = v(p.x, p.y + back, edge + up * height);
             let crown = v(p.x, p.y + back, edge + up * 0.5 * height);
             let half = v(0.485 * w, depth, 0.5 * height);
@@ -320,7 +334,8 @@ fn teeth() -> (Shape, Shape) {
             if i < 3 {
                 let front = rot * v(0.0, 1.0, 0.0);
                 let (n, out) = (if front.y > 0.0 { front } else { -front }, v(0.0, 0.0, -up));
-                enamel = enamel.pair(1.5, turned_cuboid(crown - n * 1.2 + out * 0.1, half * v(0.99, 0.5, 1.0), 1.2, rot));
+                enamel =
+                    enamel.pair(1.5, turned_cuboid(crown - n * 1.2 + out * 0.1, half * v(0.99, 0.5, 1.0), 1.2, rot));
             }
             let length = [12.5, 12.0, 16.0, 13.0, 13.0, 12.0, 11.5, 10.0][i];
             let tip = v(0.0, 0.8, up * length);
@@ -550,7 +565,8 @@ impl Model for Head {
         if below > 0.0 && cavity > -w {
             let muscle = cover(at.d(MUSCLE, p), w.max(1.2));
             let fat = hu::FAT + 22.0 * grain(p * 0.16);
-            let flesh = if muscle > 0.0 { mix(fat, hu::MUSCLE + 10.0 * noise(p * v(0.5, 0.5, 0.12)), muscle) } else { fat };
+            let flesh =
+                if muscle > 0.0 { mix(fat, hu::MUSCLE + 10.0 * noise(p * v(0.5, 0.5, 0.12)), muscle) } else { fat };
             x = mix(x, flesh, below);
             x = mix(x, hu::CARTILAGE, cover(at.d(CARTILAGE, p), w));
             x = mix(x, hu::MUSCLE, cover(at.d(NERVES, p), w));

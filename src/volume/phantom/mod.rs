@@ -168,7 +168,8 @@ fn proportions(extent: DVec3, size: usize) -> ([usize; 3], f64) {
 /// A grid of cubic voxels with its middle at the origin.
 fn centred(dims: [usize; 3], spacing: f64, space: Space) -> Grid {
     let n = DVec3::from_array(dims.map(|n| n as f64));
-    let frame = DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(spacing)), -0.5 * spacing * (n - 1.0));
+    let frame =
+        DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(spacing)), -0.5 * spacing * (n - 1.0));
     Grid::new(dims, frame, space).expect("sizes of phantoms are between 1 and LARGEST")
 }
 
@@ -245,7 +246,10 @@ mod tests {
                             near += 1;
                             assert!((whole - short).abs() < 2e-3, "model {m} shape {id} at {p}: {whole} but {short}");
                         } else {
-                            assert!(shape.is_beyond(whole, short, border), "model {m} shape {id} at {p}: {whole} taken as {short}");
+                            assert!(
+                                shape.is_beyond(whole, short, border),
+                                "model {m} shape {id} at {p}: {whole} taken as {short}"
+                            );
                         }
                     }
                 }

@@ -25,7 +25,13 @@ pub fn unit(h: u32, part: u32) -> f32 {
 fn gradient(h: u32, d: Vec3) -> f32 {
     // Perlin's twelve cube edges (four of them twice)
     let u = if h & 8 == 0 { d.x } else { d.y };
-    let v = if h & 12 == 0 { d.y } else if h & 13 == 12 { d.x } else { d.z };
+    let v = if h & 12 == 0 {
+        d.y
+    } else if h & 13 == 12 {
+        d.x
+    } else {
+        d.z
+    };
     (if h & 1 == 0 { u } else { -u }) + if h & 2 == 0 { v } else { -v }
 }
 

@@ -402,7 +402,9 @@ mod tests {
         assert_eq!(ellipsoid(Vec3::ZERO, v(2.0, 3.0, 4.0)).distance(v(0.0, 0.0, 6.0)), 2.0);
         assert_eq!(ellipsoid(Vec3::ZERO, v(2.0, 3.0, 4.0)).distance(Vec3::ZERO), -2.0);
         assert!((cuboid(Vec3::ZERO, v(2.0, 3.0, 4.0), 0.5).distance(v(5.0, 0.0, 0.0)) - 3.0).abs() < 1e-6);
-        assert!((cylinder(v(0.0, 0.0, -2.0), v(0.0, 0.0, 2.0), 1.0, 0.2).distance(v(4.0, 0.0, 0.0)) - 3.0).abs() < 1e-6);
+        assert!(
+            (cylinder(v(0.0, 0.0, -2.0), v(0.0, 0.0, 2.0), 1.0, 0.2).distance(v(4.0, 0.0, 0.0)) - 3.0).abs() < 1e-6
+        );
         assert!((torus(Vec3::ZERO, Mat3::IDENTITY, 5.0, 1.0).distance(v(0.0, 5.0, 3.0)) - 2.0).abs() < 1e-6);
         assert_eq!(half(v(0.0, 0.0, 1.0), v(0.0, 0.0, 2.0)).distance(v(7.0, 7.0, 3.0)), 2.0);
         // a quarter turn about z takes the long axis from x to y

@@ -93,10 +93,10 @@ const PRESETS: [Preset; 13] = [
         modality: Modality::Ct,
         points: &[
             [-1000.0, 0.60, 0.22, 0.18, 0.0],
-            [-60.0, 0.86, 0.66, 0.44, 0.0],
-            [0.0, 0.72, 0.34, 0.27, 0.03],
-            [50.0, 0.66, 0.25, 0.20, 0.16],
-            [110.0, 0.70, 0.30, 0.23, 0.16],
+            [-60.0, 0.86, 0.66, 0.50, 0.0],
+            [0.0, 0.76, 0.46, 0.38, 0.03],
+            [50.0, 0.70, 0.36, 0.30, 0.14],
+            [110.0, 0.74, 0.42, 0.34, 0.14],
             [230.0, 0.90, 0.80, 0.64, 0.30],
             [600.0, 0.97, 0.93, 0.82, 0.75],
             [1800.0, 1.0, 0.99, 0.96, 0.95],
@@ -244,7 +244,7 @@ impl Preset {
     /// The preset fitted to a volume with real values in `range` and `counts` in equal bins over it (may be empty).
     pub fn fitted(&self, range: [f64; 2], counts: &[u64]) -> TransferFunction {
         match self.modality {
-            Modality::Histogram => auto::from_histogram(range, counts),
+            Modality::Histogram => auto::from_histogram(counts),
             Modality::Range => self.plain(),
             Modality::Ct => {
                 let plain = self.plain();
