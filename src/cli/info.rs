@@ -38,7 +38,7 @@ pub fn run(args: &Args) -> Result<Answer> {
 fn facts(file: &Path) -> Result<(Value, String)> {
     let word = file.to_string_lossy();
     if io::is_surface_path(file) {
-        let mesh = io::read_surface(file)?;
+        let mesh = io::read_surface_as_stored(file)?;
         return Ok(mesh_facts(file, &MeshReport::of(&mesh)));
     }
     if word.starts_with("phantom:") || io::is_volume_path(file) {

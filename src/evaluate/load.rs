@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::deform::{Deformer, Limit, Stack};
 use crate::io;
-use crate::mesh::check::MeshReport;
+use crate::mesh::check::slicing_defects;
 use crate::mesh::{self, Topology, TriMesh};
 use crate::render::{Camera, Field, TexelSlice};
 use crate::scene::{CameraSpec, Document, Placement, ProxySource, VolumeSource};
@@ -266,11 +266,12 @@ fn proxy(
         }
         ProxySource::Mesh(path) => {
             let path = base.join(path);
-            let mesh = io::read_surface(&path)?;
+            // seams between equal positions are not holes
+            let mesh = io::read_surface(&path)?.welded();
             if mesh.triangles.is_empty() {
                 return Err(EvaluateError::EmptyMesh(path));
             }
-            for defect in MeshReport::of(&mesh).defects().iter().filter(|d| d.kind.spoils_slices()) {
+            for defect in slicing_defects(&mesh) {
                 warnings.push(format!("{}: {defect}", path.display()));
             }
             Ok(stack.move_mesh(&placed(mesh)?)?)
