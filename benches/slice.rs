@@ -1,31 +1,28 @@
-//! Contours, nesting and tessellation of 200 planes: `cargo bench --bench slice -- [MESH.obj ...] [--repeat R]`.
+//! Contours, nesting and tessellation of 200 planes, median and minimum in milliseconds:
+//! `cargo bench --bench slice -- [MESH ...]`, by default shapes of about 5000 and 100000 triangles, and a box.
+
+use std::path::Path;
 use std::time::Instant;
 
 use glam::DVec3;
+use voxclay::io::read_surface;
 use voxclay::math::PlaneFrame;
-use voxclay::mesh::{Topology, TriMesh};
-use voxclay::slice::{Planes, SlabIndex, Slices};
+use voxclay::mesh::{Topology, TriMesh, primitives};
+use voxclay::slice::{Planes, Slicer, Slices};
 use voxclay::tessellate::{Limits, Method, Outlines, Tessellator};
 
-fn read_obj(path: &str) -> TriMesh {
-    let text = std::fs::read_to_string(path).expect("the OBJ file is readable");
-    let mut mesh = TriMesh::default();
-    for line in text.lines() {
-        let mut w = line.split_whitespace();
-        match w.next() {
-            Some("v") => {
-                let v: Vec<f64> = w.map(|x| x.parse().expect("a number")).collect();
-                mesh.positions.push(DVec3::new(v[0], v[1], v[2]));
-            }
-            Some("f") => {
-                let i: Vec<u32> =
-                    w.map(|x| x.split('/').next().expect("an index").parse::<u32>().expect("an index") - 1).collect();
-                mesh.triangles.push([i[0], i[1], i[2]]);
-            }
-            _ => {}
-        }
+const PLANES: usize = 200;
+
+fn shapes() -> Vec<(String, TriMesh)> {
+    let mut shapes = vec![("box 12".into(), primitives::aligned_box(DVec3::ZERO, DVec3::ONE))];
+    for n in [5_000, 100_000] {
+        let f = primitives::frequency_for(n);
+        shapes.push((format!("bumpy {n}"), primitives::bumpy_sphere(f)));
+        shapes.push((format!("cavity {n}"), primitives::cavity_sphere(f)));
+        let around = (n as f64).sqrt() as u32;
+        shapes.push((format!("torus {n}"), primitives::torus(1.0, 0.4, around, around / 2)));
     }
-    mesh
+    shapes
 }
 
 fn outlines(s: &Slices) -> Outlines<'_> {
@@ -38,69 +35,72 @@ fn outlines(s: &Slices) -> Outlines<'_> {
     }
 }
 
-fn median(times: &mut [f64]) -> (f64, f64) {
+/// Median and minimum.
+fn summary(mut times: Vec<f64>) -> String {
     times.sort_by(f64::total_cmp);
-    (times[times.len() / 2], times[0])
+    format!("{:7.2} {:7.2}", times[times.len() / 2], times[0])
+}
+
+fn time<T>(list: &mut Vec<f64>, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    list.push(start.elapsed().as_secs_f64() * 1e3);
+    result
 }
 
 fn main() {
-    let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
-    let repeat = 51;
-    for path in args.iter().filter(|a| a.ends_with(".obj")) {
-        let mesh = read_obj(path);
-        let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
+    let files: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let shapes = if files.is_empty() {
+        shapes()
+    } else {
+        files.iter().map(|f| (f.clone(), read_surface(Path::new(f)).expect("a surface"))).collect()
+    };
+    println!("{} threads; median and minimum in ms; contours: slabs and walk", rayon::current_num_threads());
+    println!(
+        "{:14} {:>8} {:>8} {:>15} {:>15} {:>15} {:>15} {:>15} {:>15}",
+        "mesh", "points", "holes", "edge list", "contours", "nesting", "sweep", "lyon", "spade"
+    );
+    for (name, mesh) in shapes {
         let frame = PlaneFrame::across(DVec3::new(0.31, 0.52, 0.80)).expect("a direction");
-        let planes = Planes::across(frame, &mesh.positions, 200);
-        let (mut index, mut slices) = (SlabIndex::default(), Slices::default());
-        let (mut build, mut walk, mut nest) = (vec![], vec![], vec![]);
-        for _ in 0..repeat {
-            let t = Instant::now();
-            index.build(&mesh.positions, &topology, &planes);
-            build.push(t.elapsed().as_secs_f64() * 1e3);
-            let t = Instant::now();
-            index.contours(&mut slices);
-            walk.push(t.elapsed().as_secs_f64() * 1e3);
-            let t = Instant::now();
-            slices.nest();
-            nest.push(t.elapsed().as_secs_f64() * 1e3);
-        }
-        let outlines = outlines(&slices);
-        let contours: f64 = (0..200).map(|k| slices.plane_area(k)).sum();
-        for (name, method) in
-            [("fast", Method::Fast), ("lyon", Method::Lyon), ("spade", Method::Quality(Limits::default()))]
-        {
-            let mut tessellator = Tessellator::default();
-            let mut times = vec![];
-            for _ in 0..if name == "fast" { repeat } else { repeat / 4 } {
-                let t = Instant::now();
-                tessellator.run(&outlines, method);
-                times.push(t.elapsed().as_secs_f64() * 1e3);
+        let planes = Planes::across(frame, &mesh.positions, PLANES);
+        let mut slicer = Slicer::default();
+        let [mut edges, mut contours, mut nesting] = [(); 3].map(|()| Vec::new());
+        let mut fill = [(); 3].map(|()| Vec::new());
+        let methods = [Method::Fast, Method::Lyon, Method::Quality(Limits::default())];
+        let mut tessellators = methods.map(|_| Tessellator::default());
+        for round in 0..31 {
+            let topology = time(&mut edges, || Topology::build(mesh.positions.len(), &mesh.triangles));
+            for _ in 0..3 {
+                time(&mut contours, || {
+                    slicer.index.build(&mesh.positions, &topology, &planes).expect("not too many points");
+                    slicer.index.contours(&mut slicer.slices);
+                });
+                time(&mut nesting, || slicer.slices.nest());
+                time(&mut fill[0], || tessellators[0].run(&outlines(&slicer.slices), methods[0]).triangles.len());
             }
-            let r = tessellator.result();
-            let area: f64 = (0..200).map(|k| r.plane_area(&outlines, k)).sum();
-            println!(
-                "  {name} {:.3?} ms, {} triangles, {:?}, area off by {:.1e}",
-                median(&mut times),
-                r.triangles.len(),
-                r.made_by,
-                area / contours - 1.0
-            );
+            if round < 9 {
+                time(&mut fill[1], || tessellators[1].run(&outlines(&slicer.slices), methods[1]).triangles.len());
+            }
+            if round < 3 {
+                time(&mut fill[2], || tessellators[2].run(&outlines(&slicer.slices), methods[2]).triangles.len());
+            }
         }
-        let area: f64 = (0..200).map(|k| slices.plane_area(k)).sum();
-        let (o, h) = (0..200).map(|k| slices.plane_counts(k)).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let s = &slicer.slices;
+        let area: f64 = (0..PLANES).map(|k| s.plane_area(k)).sum();
+        let holes: usize = (0..PLANES).map(|k| s.plane_counts(k).1).sum();
+        let name = Path::new(&name).file_stem().map_or(name.clone(), |n| n.to_string_lossy().into_owned());
+        let [sweep, lyon, spade] = fill.map(summary);
         println!(
-            "{path}: points {} loops {} outer {o} holes {h} area {area:.12} volume {:.6}/{:.6}",
-            slices.points.len(),
-            slices.loops(),
-            area * planes.step,
-            mesh.volume()
+            "{name:14} {:8} {holes:8} {} {} {} {sweep} {lyon} {spade}",
+            s.points.len(),
+            summary(edges),
+            summary(contours),
+            summary(nesting)
         );
-        println!(
-            "  build {:.3?} walk {:.3?} nest {:.3?} (median, min)",
-            median(&mut build),
-            median(&mut walk),
-            median(&mut nest)
-        );
-        slices.warnings().for_each(|w| println!("  {}", w.sentence(&planes)));
+        for (t, method) in tessellators.iter().zip(methods) {
+            let of_triangles: f64 = (0..PLANES).map(|k| t.result().plane_area(&outlines(s), k)).sum();
+            assert!((of_triangles / area - 1.0).abs() < 1e-9, "{name} {method:?}: {of_triangles} of {area}");
+        }
+        s.warnings().for_each(|w| println!("  {}", w.sentence(&planes)));
     }
 }

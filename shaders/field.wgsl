@@ -3,12 +3,7 @@
 struct Object {
     // 1 / texels along i, j, k
     texel: vec3f,
-    pad_0: f32,
-    // blocks per texture unit and the last block of the occupancy texture
-    blocks: vec3f,
-    pad_1: f32,
-    last_block: vec3f,
-    pad_2: f32,
+    pad: f32,
     // derivative of the texture coordinate by world position, where it is the same everywhere (AFFINE), by columns
     jacobian: mat3x3f,
 }
@@ -18,7 +13,6 @@ struct Object {
 @group(1) @binding(2) var volume_sampler: sampler;
 @group(1) @binding(3) var table: texture_2d<f32>;
 @group(1) @binding(4) var table_sampler: sampler;
-@group(1) @binding(5) var occupancy: texture_3d<u32>;
 
 fn texels(x: vec3f) -> vec4f {
     return textureSampleLevel(volume, volume_sampler, x, 0.0);
@@ -33,11 +27,4 @@ fn value(x: vec3f) -> f32 {
 // linear light, premultiplied, for one slice distance along the view axis
 fn classify(front: f32, back: f32) -> vec4f {
     return textureSampleLevel(table, table_sampler, (vec2f(front, back) * 255.0 + 0.5) / 256.0, 0.0);
-}
-
-// whether anything near a point can be seen
-fn occupied(x: vec3f) -> bool {
-    // block boundaries lie at texel centres
-    let block = clamp((x - 0.5 * object.texel) * object.blocks, vec3f(0.0), object.last_block);
-    return textureLoad(occupancy, vec3i(block), 0).r != 0u;
 }

@@ -23,11 +23,11 @@ fn vertex_main(
     return Fragment(clip, front, back, position, jacobian_x, jacobian_y, jacobian_z);
 }
 
-fn jacobian(in: Fragment) -> mat3x3f {
-    if AFFINE {
-        return object.jacobian;
-    }
-    return mat3x3f(in.jacobian_x, in.jacobian_y, in.jacobian_z);
+// what the fragment samples
+struct Place {
+    front: vec3f,
+    back: vec3f,
+    jacobian: mat3x3f,
 }
 
 fn view(in: Fragment) -> vec3f {
@@ -39,69 +39,64 @@ fn view(in: Fragment) -> vec3f {
 
 @fragment
 fn volume_main(in: Fragment) -> @location(0) vec4f {
-    if any(in.front != saturate(in.front)) {
+    let v = view(in);
+    let place = locate(in, v);
+    if any(place.front != saturate(place.front)) {
         discard;
     }
-    if CULL {
-        if !occupied(in.front) {
-            discard;
-        }
-    }
-    let here = value(in.front);
+    let here = value(place.front);
     var behind = here;
     if PREINTEGRATED {
-        behind = value(in.back);
+        behind = value(place.back);
     }
     var color = classify(here, behind);
     if color.a <= 1e-6 {
         discard;
     }
-    let v = view(in);
     if RGBA {
-        color = vec4f(linear_from_srgb(texels(in.front).rgb) * color.a, color.a);
+        color = vec4f(linear_from_srgb(texels(place.front).rgb) * color.a, color.a);
     }
     if PERSPECTIVE {
         color *= (1.0 - pow(1.0 - color.a, 1.0 / dot(v, frame.axis.xyz))) / color.a;
     }
     if LIT {
-        color = vec4f(lit(color, in.front, here, jacobian(in), v), color.a);
+        color = vec4f(lit(color, place.front, here, place.jacobian, v), color.a);
     }
     return color;
 }
 
 @fragment
 fn iso_main(in: Fragment) -> @location(0) vec4f {
-    if any(in.front != saturate(in.front)) {
+    let v = view(in);
+    let place = locate(in, v);
+    if any(place.front != saturate(place.front)) {
         discard;
     }
-    if CULL {
-        if !occupied(in.front) {
-            discard;
-        }
-    }
     let iso = frame.window.z;
-    let here = value(in.front);
-    let behind = value(in.back);
+    let here = value(place.front);
+    let behind = value(place.back);
     if max(here, behind) < iso {
         discard;
     }
-    var x = in.front;
+    var x = place.front;
     var at = here;
     if here < iso {
-        x = mix(in.front, in.back, (iso - here) / (behind - here));
+        x = mix(place.front, place.back, (iso - here) / (behind - here));
         at = iso;
     }
     var color = vec4f(frame.iso_color.rgb, 1.0);
     if LIT {
-        color = vec4f(lit(color, x, at, jacobian(in), view(in)), 1.0);
+        color = vec4f(lit(color, x, at, place.jacobian, v), 1.0);
     }
     return color;
 }
 
 @fragment
 fn mip_main(in: Fragment) -> @location(0) vec4f {
-    if any(in.front != saturate(in.front)) {
+    let v = view(in);
+    let place = locate(in, v);
+    if any(place.front != saturate(place.front)) {
         discard;
     }
-    return vec4f(vec3f(value(in.front)), 1.0);
+    return vec4f(vec3f(value(place.front)), 1.0);
 }

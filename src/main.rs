@@ -1,1 +1,5 @@
-fn main() {}
+//! `voxclay`: dispatch only.
+
+fn main() -> std::process::ExitCode {
+    voxclay::cli::main()
+}

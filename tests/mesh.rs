@@ -1,7 +1,7 @@
 //! Checks of surface meshes: shapes with a known answer, every kind of defect, and the real meshes.
 
 use glam::{DAffine3, DVec3};
-use voxclay::mesh::check::{DefectKind, MeshReport};
+use voxclay::mesh::check::{DefectKind, MeshReport, slicing_defects};
 use voxclay::mesh::{TriMesh, primitives};
 
 fn kinds(report: &MeshReport) -> Vec<(DefectKind, usize)> {
@@ -56,6 +56,11 @@ fn a_hole_is_named_with_its_place() {
     assert_eq!(kinds(&r), [(DefectKind::Boundary, 3)]);
     assert!(r.defects()[0].place.distance(hole) < 0.2 && r.defects()[0].kind.spoils_slices());
     assert!(!r.closed && r.manifold && r.oriented);
+    assert_eq!(slicing_defects(&ball), r.defects());
+    // what only cuts itself can be sliced
+    ball.triangles.insert(40, gone);
+    ball.append(&moved(&ball, [0.5, 0.0, 0.0]));
+    assert!(MeshReport::of(&ball).self_intersections > 0 && slicing_defects(&ball).is_empty());
 }
 
 #[test]

@@ -1,1 +1,102 @@
-//! (to be written)
+//! L5: the command line, one file per verb. Exit 0, 1 (the work failed), 2 (bad usage).
+
+mod convert;
+mod demo;
+mod export;
+mod info;
+mod render;
+mod slice;
+mod view;
+
+use std::io::Write;
+use std::panic::catch_unwind;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+/// Sculpt a volume: pull and bend a CT scan, a simulation or a painted 3D texture like clay, without losing its inside.
+#[derive(Parser)]
+#[command(name = "voxclay", version)]
+struct Cli {
+    /// Print one JSON object on stdout and nothing else there.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Worker threads (default: all cores).
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    #[command(subcommand)]
+    verb: Option<Verb>,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Info(info::Args),
+    Convert(convert::Args),
+    Slice(slice::Args),
+    Render(render::Args),
+    Export(export::Args),
+    Demo(demo::Args),
+}
+
+/// What a verb has to say: the JSON object of the contract, and the same for people.
+struct Answer {
+    json: serde_json::Value,
+    text: String,
+}
+
+/// Parses the arguments, runs the verb, and says what went wrong in one sentence.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            let usage = e.use_stderr();
+            // the terminal may be gone; there is nobody left to tell
+            let _ = e.print();
+            return ExitCode::from(if usage { 2 } else { 0 });
+        }
+    };
+    if let Some(n) = cli.threads
+        && let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(n.into()).build_global()
+    {
+        eprintln!("voxclay: cannot start {n} threads: {e}");
+        return ExitCode::from(1);
+    }
+    let Some(verb) = cli.verb else {
+        eprintln!("{}", Cli::command().render_help());
+        return ExitCode::from(2);
+    };
+    // a panic is our bug, but a user gets a sentence, not a backtrace
+    std::panic::set_hook(Box::new(|_| {}));
+    match catch_unwind(|| run(&verb)) {
+        Ok(Ok(answer)) => {
+            let line = if cli.json { format!("{}\n", answer.json) } else { answer.text };
+            // a closed pipe (`voxclay info x | head`) is not a failure
+            let _ = std::io::stdout().write_all(line.as_bytes());
+            ExitCode::SUCCESS
+        }
+        Ok(Err(e)) => {
+            eprintln!("voxclay: {e:#}");
+            ExitCode::from(1)
+        }
+        Err(cause) => {
+            let what = cause
+                .downcast_ref::<String>()
+                .map(String::as_str)
+                .or_else(|| cause.downcast_ref::<&str>().copied())
+                .unwrap_or("no message");
+            eprintln!("voxclay: internal error ({what}); please report it with the command you ran");
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn run(verb: &Verb) -> anyhow::Result<Answer> {
+    match verb {
+        Verb::Info(args) => info::run(args),
+        Verb::Convert(args) => convert::run(args),
+        Verb::Slice(args) => slice::run(args).map(|json| Answer { text: format!("{json:#}\n"), json }),
+        Verb::Render(args) => render::run(args),
+        Verb::Export(args) => export::run(args),
+        Verb::Demo(args) => demo::run(args),
+    }
+}

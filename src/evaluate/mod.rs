@@ -1,3 +1,35 @@
 //! L4: from the document to what is derived from it, on the CPU or the GPU.
+//!
+//! [`load::load`] brings a document's data into memory, [`geometry`] makes slices of it for a view, [`picture`] draws them,
+//! and [`resample`] exports the deformed volume.
 
+mod error;
 pub mod export;
+pub mod geometry;
+pub mod load;
+mod mask;
+pub mod picture;
+pub mod resample;
+
+pub use error::EvaluateError;
+
+use std::path::{Path, PathBuf};
+
+use crate::scene::{self, Document};
+
+/// The document that a word on the command line stands for (a project file, a volume file or `phantom:NAME[:SIZE]`), and
+/// the folder that its relative paths start from.
+///
+/// # Errors
+/// If a project cannot be read, or a phantom's name is wrong. A volume file is not opened yet.
+pub fn open(word: &str) -> Result<(Document, PathBuf), EvaluateError> {
+    let path = Path::new(word);
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("voxclay")) {
+        let base = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        return Ok((scene::read_project(path)?, base));
+    }
+    let source = load::parse_source(word)?;
+    let mut document = Document::new(source);
+    load::suggest(&mut document);
+    Ok((document, PathBuf::new()))
+}

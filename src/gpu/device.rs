@@ -116,8 +116,9 @@ impl Gpu {
         let info = adapter.get_info();
         let wanted = wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
             | wgpu::Features::FLOAT32_FILTERABLE
+            | wgpu::Features::FLOAT32_BLENDABLE
             | wgpu::Features::TIMESTAMP_QUERY;
-        let features = adapter.features() & wanted - avoid;
+        let features = adapter.features() & (wanted - avoid);
         let limits = adapter.limits();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("voxclay"),

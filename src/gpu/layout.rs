@@ -8,11 +8,53 @@ use bytemuck::{Pod, Zeroable};
 pub struct ObjectUniform {
     /// 1 / texels along i, j, k.
     pub texel: [f32; 4],
-    /// Blocks of the occupancy texture per texture unit.
-    pub blocks: [f32; 4],
-    pub last_block: [f32; 4],
     /// Columns of the derivative of the texture coordinate by world position, each padded.
     pub jacobian: [[f32; 4]; 3],
+}
+
+/// `Map` of `shaders/deform.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct MapUniform {
+    pub target_from_local: [[f32; 4]; 4],
+    /// Number of steps; the rest is unused.
+    pub count: [u32; 4],
+}
+
+/// `Step` of `shaders/deform.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct StepRecord {
+    pub kind: u32,
+    pub falloff: u32,
+    pub first: u32,
+    pub core: f32,
+    pub center: [f32; 3],
+    pub inverse_radius: f32,
+    pub vector: [f32; 3],
+    pub pad: f32,
+    pub axis_u: [f32; 3],
+    pub cells_u: f32,
+    pub axis_v: [f32; 3],
+    pub cells_v: f32,
+    pub axis_w: [f32; 3],
+    pub cells_w: f32,
+}
+
+/// `Resample` of `shaders/resample.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct ResampleUniform {
+    pub input_from_output: [[f32; 4]; 4],
+    pub local_from_output: [[f32; 4]; 4],
+    /// Voxels of the input along i, j, k; channels.
+    pub input: [u32; 4],
+    /// Voxels of the output along i, j, k; 1 for the nearest sample.
+    pub output: [u32; 4],
+    /// First row of the chunk, its voxels, and its workgroups along x; the rest is unused.
+    pub chunk: [u32; 4],
+    /// Factor from a texel to a stored value; the outside value; the rest is unused.
+    pub value: [f32; 4],
 }
 
 /// Bytes from one row to the next when a texture is copied to a buffer.
@@ -29,4 +71,64 @@ pub fn grown(have: u64, need: u64, limit: u64) -> u64 {
 /// Layers of a 3D texture uploaded at once so that a chunk stays near `budget` bytes; at least one.
 pub fn layers_per_chunk(layer_bytes: u64, layers: u32, budget: u64) -> u32 {
     ((budget / layer_bytes.max(1)) as u32).clamp(1, layers.max(1))
+}
+
+/// Threads of a workgroup of `shaders/resample.wgsl`.
+pub const RESAMPLE_GROUP: u32 = 64;
+
+/// Rows of an output grid that are resampled at once, so that a chunk stays within `budget` bytes; at least one, and never
+/// more than one dispatch holds.
+pub fn rows_per_chunk(width: usize, channels: usize, budget: u64) -> usize {
+    let row = (width * channels * 4) as u64;
+    ((budget / row.max(1)) as usize).max(1)
+}
+
+/// Workgroups along x and y for so many threads, if one dimension holds `limit`.
+pub fn workgroups(threads: u32, limit: u32) -> [u32; 2] {
+    let groups = threads.div_ceil(RESAMPLE_GROUP).max(1);
+    let x = groups.min(limit);
+    [x, groups.div_ceil(x)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_padded_to_what_copies_want() {
+        assert_eq!([1, 64, 65, 512].map(|w| padded_row(w, 4)), [256, 256, 512, 2048]);
+    }
+
+    #[test]
+    fn buffers_grow_with_room_and_never_shrink() {
+        assert_eq!(grown(1024, 1000, 1 << 20), 1024);
+        assert_eq!(grown(1024, 2000, 1 << 20), 2560);
+        // near the limit there is no room to grow, but what is needed is had
+        assert_eq!(grown(1024, 1_000_000, 1 << 20), 1 << 20);
+        let mut size = 0;
+        let steps = (0..1000u64).filter(|n| {
+            let next = grown(size, n * 1000, u64::MAX >> 1);
+            std::mem::replace(&mut size, next) != next
+        });
+        assert!(steps.count() < 40, "a slowly growing load must not allocate each frame");
+    }
+
+    #[test]
+    fn chunks_stay_within_their_budget() {
+        assert_eq!(layers_per_chunk(1 << 20, 100, 32 << 20), 32);
+        assert_eq!(layers_per_chunk(1 << 30, 100, 32 << 20), 1);
+        assert_eq!(layers_per_chunk(10, 3, 32 << 20), 3);
+        assert_eq!(rows_per_chunk(256, 1, 1 << 20), 1024);
+        assert_eq!(rows_per_chunk(1 << 20, 4, 1 << 20), 1);
+    }
+
+    #[test]
+    fn workgroups_cover_every_thread() {
+        for threads in [1, 63, 64, 65, 4_194_240, 4_194_241, 30_000_000] {
+            let [x, y] = workgroups(threads, 65_535);
+            assert!(x <= 65_535 && y <= 65_535);
+            assert!(u64::from(x) * u64::from(y) * u64::from(RESAMPLE_GROUP) >= u64::from(threads));
+            assert!(u64::from(x) * u64::from(y - 1) * u64::from(RESAMPLE_GROUP) < u64::from(threads));
+        }
+    }
 }

@@ -1,35 +1,36 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
+
+use super::cull::{Visibility, cull};
+use super::deform::MapBuffers;
 use super::layout::ObjectUniform;
-use super::occupancy::{occupancy, reach};
 use super::resolve::{PixelTarget, ResolvePass};
 use super::shader::{Mode, Variant};
-use super::slicing::{GeometryBuffers, GeometryTraits, SliceTarget, SlicingPass};
+use super::slicing::{GeometryBuffers, SliceTarget, SlicingPass, common_jacobian};
 use super::timing::{Timer, Timings};
 use super::volume::VolumeTexture;
 use super::{Gpu, GpuError};
+use crate::deform::Stack;
 use crate::render::{ClassTable, Field, Frame, Picture, SliceGeometry, TABLE_SIZE};
-use crate::volume::pyramid::BLOCK;
 
-/// What the occupancy texture was made for; it is made again when this changes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct OccupancyKey {
-    window: [f32; 4],
-    mode: u32,
-    reach: [usize; 3],
-}
-
-/// The volume and its transfer function on the device: bind group 1.
+/// The volume on the device: bind group 1.
 #[derive(Debug)]
 struct Object {
     field: Field,
-    volume: VolumeTexture,
-    occupancy: wgpu::Texture,
-    made_for: Option<OccupancyKey>,
-    culls: bool,
     uniform: wgpu::Buffer,
     group: wgpu::BindGroup,
+}
+
+/// The slices to draw.
+#[derive(Debug)]
+struct Slices {
+    source: Arc<SliceGeometry>,
+    /// The Jacobian, where it is the same everywhere.
+    jacobian: Option<[f32; 9]>,
+    /// What the buffers were culled for: window and mode; `None` if they are out of date.
+    culled_for: Option<([f32; 4], u32)>,
 }
 
 /// Draws slice geometry of a field on the GPU. Everything on the device is kept and used again between pictures.
@@ -43,6 +44,13 @@ pub struct Renderer {
     table_texture: wgpu::Texture,
     table: Option<Arc<ClassTable>>,
     object: Option<Object>,
+    slices: Option<Slices>,
+    culling: bool,
+    map_layout: wgpu::BindGroupLayout,
+    map: MapBuffers,
+    map_group: wgpu::BindGroup,
+    /// The stack that is evaluated per fragment, if it is, and the centre it was uploaded for.
+    exact: Option<(Stack, Option<DVec3>)>,
     geometry: GeometryBuffers,
     slicing: SlicingPass,
     resolve: ResolvePass,
@@ -82,7 +90,6 @@ impl Renderer {
                 sampler(2),
                 texture(3, filtered, wgpu::TextureViewDimension::D2),
                 sampler(4),
-                texture(5, wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D3),
             ],
         });
         let frame_uniform = uniform_buffer(&gpu, "frame", size_of::<Frame>());
@@ -99,7 +106,13 @@ impl Renderer {
             ..Default::default()
         });
         let table_texture = gpu.allocate("the transfer function", 1 << 20, || table_texture(&gpu))?;
-        let slicing = SlicingPass::new(&gpu, &frame_layout, &object_layout);
+        let map_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("backward map"),
+            entries: &MapBuffers::layout(S::FRAGMENT),
+        });
+        let map = MapBuffers::new(&gpu)?;
+        let map_group = map_group(&gpu, &map_layout, &map);
+        let slicing = SlicingPass::new(&gpu, [&frame_layout, &object_layout, &map_layout]);
         let resolve = ResolvePass::new(&gpu, &frame_layout)?;
         let geometry = GeometryBuffers::new(&gpu)?;
         let timer = Timer::new(&gpu);
@@ -113,6 +126,12 @@ impl Renderer {
             table_texture,
             table: None,
             object: None,
+            slices: None,
+            culling: true,
+            map_layout,
+            map,
+            map_group,
+            exact: None,
             geometry,
             slicing,
             resolve,
@@ -135,31 +154,15 @@ impl Renderer {
         self.object = None;
         let gpu = &self.gpu;
         let volume = VolumeTexture::upload(gpu, field)?;
-        let blocks = field.pyramid.levels[0].dims.map(|n| n as u32);
-        let size = wgpu::Extent3d { width: blocks[0], height: blocks[1], depth_or_array_layers: blocks[2] };
-        let occupancy =
-            gpu.allocate("the volume's occupancy", blocks.iter().map(|&n| u64::from(n)).product(), || {
-                gpu.device.create_texture(&wgpu::TextureDescriptor {
-                    label: Some("occupancy"),
-                    size,
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: wgpu::TextureDimension::D3,
-                    format: wgpu::TextureFormat::R8Uint,
-                    usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-                    view_formats: &[],
-                })
-            })?;
         let uniform = uniform_buffer(gpu, "object", size_of::<ObjectUniform>());
         let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
-        let (table, blocks) = (view(&self.table_texture), view(&occupancy));
+        let table = view(&self.table_texture);
         let resources = [
             uniform.as_entire_binding(),
             wgpu::BindingResource::TextureView(&volume.view),
             wgpu::BindingResource::Sampler(&self.sampler),
             wgpu::BindingResource::TextureView(&table),
             wgpu::BindingResource::Sampler(&self.sampler),
-            wgpu::BindingResource::TextureView(&blocks),
         ];
         let entries: Vec<_> = resources
             .into_iter()
@@ -172,8 +175,11 @@ impl Renderer {
             entries: &entries,
         });
         gpu.check()?;
-        let field = field.clone();
-        self.object = Some(Object { field, volume, occupancy, made_for: None, culls: false, uniform, group });
+        self.object = Some(Object { field: field.clone(), uniform, group });
+        self.stale();
+        if let Some((_, uploaded)) = &mut self.exact {
+            *uploaded = None;
+        }
         Ok(())
     }
 
@@ -189,17 +195,64 @@ impl Renderer {
         };
         write_texture(&self.gpu, &self.table_texture, &bytes);
         self.table = Some(table.clone());
-        if let Some(object) = &mut self.object {
-            object.made_for = None;
+        self.stale();
+    }
+
+    /// Takes slice geometry, which is uploaded with the next picture. It stays until another one is set.
+    pub fn set_geometry(&mut self, geometry: &Arc<SliceGeometry>) {
+        if self.slices.as_ref().is_some_and(|s| Arc::ptr_eq(&s.source, geometry)) {
+            return;
+        }
+        let jacobian = common_jacobian(geometry);
+        self.slices = Some(Slices { source: geometry.clone(), jacobian, culled_for: None });
+    }
+
+    /// Evaluates the stack at every fragment instead of interpolating over the geometry (`slicing-exact`); `None` goes back.
+    pub fn set_exact(&mut self, stack: Option<&Stack>) {
+        if self.exact.as_ref().map(|(s, _)| s) != stack {
+            self.exact = stack.map(|s| (s.clone(), None));
+            self.stale();
         }
     }
 
-    /// Uploads slice geometry. It stays until another one is set.
-    ///
-    /// # Errors
-    /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`].
-    pub fn set_geometry(&mut self, geometry: &SliceGeometry) -> Result<(), GpuError> {
-        self.geometry.upload(&self.gpu, geometry)
+    /// Whether triangles in which nothing can be seen are left out (they are, unless one wants to know what that saves).
+    pub fn set_culling(&mut self, on: bool) {
+        if self.culling != on {
+            self.culling = on;
+            self.stale();
+        }
+    }
+
+    /// The slices must be culled again.
+    fn stale(&mut self) {
+        if let Some(slices) = &mut self.slices {
+            slices.culled_for = None;
+        }
+    }
+
+    /// Culls and uploads the slices if what is on the device is out of date.
+    fn update_geometry(&mut self, frame: &Frame) -> Result<(), GpuError> {
+        let (Some(slices), Some(object), Some(table)) = (&mut self.slices, &self.object, &self.table) else {
+            return Ok(());
+        };
+        let key = (frame.window, frame.size[2]);
+        if slices.culled_for != Some(key) {
+            // the texture coordinates of the corners say nothing of the fragments' where the map is evaluated at each
+            let visibility =
+                if self.culling && self.exact.is_none() { Visibility::new(&object.field, table, frame) } else { None };
+            let culled = visibility.map(|v| cull(&slices.source, v));
+            self.geometry.upload(&self.gpu, &slices.source, culled.as_ref())?;
+            slices.culled_for = Some(key);
+        }
+        if let Some((stack, uploaded)) = &mut self.exact {
+            let center = slices.source.center;
+            if *uploaded != Some(center) {
+                self.map.write(&self.gpu, stack, object.field.grid.texture_from_world(), center)?;
+                self.map_group = map_group(&self.gpu, &self.map_layout, &self.map);
+                *uploaded = Some(center);
+            }
+        }
+        Ok(())
     }
 
     /// Draws a picture of what was set. A frame without field or table shows the background.
@@ -210,11 +263,11 @@ impl Renderer {
         let [width, height, mode, _] = frame.size;
         self.resize(width, height)?;
         self.gpu.queue.write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(frame));
-        let reach_far = self.geometry.traits();
-        let table = self.table.clone();
+        let start = Instant::now();
+        self.update_geometry(frame)?;
         let mut variant = None;
-        if let (Some(object), Some(table)) = (&mut self.object, table) {
-            object.update(&self.gpu, &table, frame, reach_far);
+        if let (Some(object), Some(table), Some(slices)) = (&self.object, &self.table, &self.slices) {
+            object.update(&self.gpu, slices.jacobian);
             let v = Variant {
                 mode: match mode {
                     Frame::ISO => Mode::Iso,
@@ -226,22 +279,20 @@ impl Renderer {
                 forward: frame.has(Frame::FORWARD),
                 perspective: frame.eye[3] != 0.0,
                 rgba: object.field.channels == 4,
-                affine: reach_far.jacobian.is_some(),
-                cull: object.culls,
+                affine: slices.jacobian.is_some() && self.exact.is_none(),
+                exact: self.exact.is_some(),
             };
             self.slicing.prepare(&self.gpu, v)?;
-            variant = Some(v);
+            variant = Some((v, object));
         }
         let Some((slices, pixels)) = &self.targets else { return Err(GpuError::Refusal("no picture".into())) };
-        let start = Instant::now();
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
         let stamps = |pass| self.timer.as_ref().map(|t| t.pass(pass));
-        let drawn = variant.zip(self.object.as_ref());
         self.slicing.run(
             &mut encoder,
             slices,
-            drawn.map(|(v, o)| (v, [&self.frame_group, &o.group])),
+            variant.map(|(v, o)| (v, [&self.frame_group, &o.group, &self.map_group])),
             &self.geometry,
             stamps(0),
         );
@@ -285,29 +336,23 @@ impl Renderer {
 }
 
 impl Object {
-    /// Writes the uniform, and the occupancy if it is out of date.
-    fn update(&mut self, gpu: &Gpu, table: &ClassTable, frame: &Frame, traits: GeometryTraits) {
-        let dims = self.field.grid.dims;
-        let key = OccupancyKey { window: frame.window, mode: frame.size[2], reach: reach(traits.reach, dims) };
-        if self.made_for != Some(key) {
-            let occupied = occupancy(&self.field, table, frame, key.reach);
-            self.culls = occupied.is_some();
-            if let Some(bytes) = occupied {
-                write_texture(gpu, &self.occupancy, &bytes);
-            }
-            self.made_for = Some(key);
-        }
-        let blocks = self.field.pyramid.levels[0].dims;
-        let j = traits.jacobian.unwrap_or_default();
-        let vector = |f: &dyn Fn(usize) -> f32| [f(0), f(1), f(2), 0.0];
+    fn update(&self, gpu: &Gpu, jacobian: Option<[f32; 9]>) {
+        let [x, y, z] = self.field.grid.dims.map(|n| 1.0 / n as f32);
+        let j = jacobian.unwrap_or_default();
         let uniform = ObjectUniform {
-            texel: vector(&|i| 1.0 / dims[i] as f32),
-            blocks: vector(&|i| dims[i] as f32 / BLOCK as f32),
-            last_block: vector(&|i| (blocks[i] - 1) as f32),
-            jacobian: std::array::from_fn(|c| vector(&|i| j[3 * c + i])),
+            texel: [x, y, z, 0.0],
+            jacobian: std::array::from_fn(|c| [j[3 * c], j[3 * c + 1], j[3 * c + 2], 0.0]),
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
+}
+
+fn map_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, map: &MapBuffers) -> wgpu::BindGroup {
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("backward map"),
+        layout,
+        entries: &map.entries(),
+    })
 }
 
 fn uniform_entry(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {

@@ -8,6 +8,10 @@ use std::fmt::Write;
 const COMMON: &str = include_str!("../../shaders/common.wgsl");
 const FIELD: &str = include_str!("../../shaders/field.wgsl");
 const SHADE: &str = include_str!("../../shaders/shade.wgsl");
+const DEFORM: &str = include_str!("../../shaders/deform.wgsl");
+const PLACE_MESH: &str = include_str!("../../shaders/place_mesh.wgsl");
+const PLACE_EXACT: &str = include_str!("../../shaders/place_exact.wgsl");
+const RESAMPLE: &str = include_str!("../../shaders/resample.wgsl");
 const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
 const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
 
@@ -44,8 +48,8 @@ pub struct Variant {
     pub rgba: bool,
     /// The Jacobian is the same everywhere: nothing is deformed.
     pub affine: bool,
-    /// Leave out fragments where the occupancy texture says that nothing can be seen.
-    pub cull: bool,
+    /// The backward map is evaluated per fragment instead of interpolated.
+    pub exact: bool,
 }
 
 impl Variant {
@@ -60,12 +64,12 @@ impl Variant {
             ("PERSPECTIVE", self.perspective),
             ("RGBA", self.rgba),
             ("AFFINE", self.affine),
-            ("CULL", self.cull),
         ] {
             // writing to a string cannot fail
             let _ = writeln!(source, "const {name}: bool = {on};");
         }
-        source + COMMON + FIELD + SHADE + SLICING
+        let place = if self.exact { [DEFORM, PLACE_EXACT] } else { ["", PLACE_MESH] };
+        source + COMMON + FIELD + SHADE + SLICING + place[0] + place[1]
     }
 
     /// Every variant, for the test that validates them.
@@ -78,7 +82,7 @@ impl Variant {
             perspective: i & 8 != 0,
             rgba: i & 16 != 0,
             affine: i & 32 != 0,
-            cull: i & 64 != 0,
+            exact: i & 64 != 0,
         })
     }
 }
@@ -86,4 +90,9 @@ impl Variant {
 /// The shader that turns the accumulated picture into pixels.
 pub fn resolve(mip: bool) -> String {
     format!("const MIP: bool = {mip};\n{COMMON}{RESOLVE}")
+}
+
+/// The shader that resamples the deformed volume.
+pub fn resample() -> String {
+    [DEFORM, RESAMPLE].concat()
 }

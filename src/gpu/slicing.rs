@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::cull::Culled;
 use super::layout::grown;
 use super::shader::{Mode, Variant};
 use super::{Gpu, GpuError};
@@ -22,38 +23,6 @@ pub struct GeometryBuffers {
     indices: wgpu::Buffer,
     /// Index range of each slice, back to front, without gaps.
     slices: Vec<Range<u32>>,
-    traits: GeometryTraits,
-}
-
-/// What the passes must know of the geometry beyond its buffers.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct GeometryTraits {
-    /// The Jacobian, if it is the same at every vertex: nothing is deformed.
-    pub jacobian: Option<[f32; 9]>,
-    /// Largest distance of `back` from `front` along each texture axis.
-    pub reach: [f32; 3],
-}
-
-impl GeometryTraits {
-    /// In one pass over the vertices.
-    pub fn of(geometry: &SliceGeometry) -> Self {
-        let Some(first) = geometry.vertices.first() else { return Self::default() };
-        // the Jacobian of an undeformed vertex is the same number by number, however it was reached
-        let merge = |a: Self, b: Self| Self {
-            jacobian: a.jacobian.filter(|j| Some(*j) == b.jacobian),
-            reach: std::array::from_fn(|i| a.reach[i].max(b.reach[i])),
-        };
-        let start = Self { jacobian: Some(first.jacobian), reach: [0.0; 3] };
-        geometry
-            .vertices
-            .par_iter()
-            .with_min_len(1 << 14)
-            .map(|v| Self {
-                jacobian: Some(v.jacobian),
-                reach: std::array::from_fn(|i| (v.back[i] - v.front[i]).abs()),
-            })
-            .reduce(|| start, merge)
-    }
 }
 
 impl GeometryBuffers {
@@ -64,28 +33,36 @@ impl GeometryBuffers {
             vertices: buffer(gpu, "slice vertices", 1 << 16, wgpu::BufferUsages::VERTEX)?,
             indices: buffer(gpu, "slice indices", 1 << 16, wgpu::BufferUsages::INDEX)?,
             slices: Vec::new(),
-            traits: GeometryTraits::default(),
         })
     }
 
-    /// Replaces the geometry.
+    /// Replaces the geometry by what is left of it: `culled` in place of the geometry's own indices.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`].
-    pub fn upload(&mut self, gpu: &Gpu, geometry: &SliceGeometry) -> Result<(), GpuError> {
-        fill(gpu, "slice vertices", &mut self.vertices, bytemuck::cast_slice(&geometry.vertices))?;
-        fill(gpu, "slice indices", &mut self.indices, bytemuck::cast_slice(&geometry.indices))?;
-        self.slices.clone_from(&geometry.slices);
-        self.traits = GeometryTraits::of(geometry);
+    pub fn upload(&mut self, gpu: &Gpu, geometry: &SliceGeometry, culled: Option<&Culled>) -> Result<(), GpuError> {
+        let added = culled.map_or(&[][..], |c| &c.added);
+        let parts = [bytemuck::cast_slice(&geometry.vertices), bytemuck::cast_slice(added)];
+        fill(gpu, "slice vertices", &mut self.vertices, parts)?;
+        let (indices, slices) = culled.map_or((&geometry.indices, &geometry.slices), |c| (&c.indices, &c.slices));
+        fill(gpu, "slice indices", &mut self.indices, [bytemuck::cast_slice(indices), &[]])?;
+        self.slices.clone_from(slices);
         Ok(())
-    }
-
-    pub fn traits(&self) -> GeometryTraits {
-        self.traits
     }
 }
 
-fn buffer(gpu: &Gpu, what: &'static str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
+/// The Jacobian, if it is the same at every vertex: nothing is deformed.
+pub fn common_jacobian(geometry: &SliceGeometry) -> Option<[f32; 9]> {
+    let first = geometry.vertices.first()?.jacobian;
+    geometry.vertices.par_iter().with_min_len(1 << 14).all(|v| v.jacobian == first).then_some(first)
+}
+
+pub(super) fn buffer(
+    gpu: &Gpu,
+    what: &'static str,
+    size: u64,
+    usage: wgpu::BufferUsages,
+) -> Result<wgpu::Buffer, GpuError> {
     gpu.allocate(what, size, || {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
@@ -96,9 +73,9 @@ fn buffer(gpu: &Gpu, what: &'static str, size: u64, usage: wgpu::BufferUsages) -
     })
 }
 
-/// Writes `data`, into a new buffer if it does not fit.
-fn fill(gpu: &Gpu, what: &'static str, old: &mut wgpu::Buffer, data: &[u8]) -> Result<(), GpuError> {
-    let (need, limit) = (data.len() as u64, gpu.limits().max_buffer_size);
+/// Writes both parts of `data` one after the other, into a new buffer if it does not fit.
+pub(super) fn fill(gpu: &Gpu, what: &'static str, old: &mut wgpu::Buffer, data: [&[u8]; 2]) -> Result<(), GpuError> {
+    let (need, limit) = ((data[0].len() + data[1].len()) as u64, gpu.limits().max_buffer_size);
     if need > limit {
         return Err(GpuError::TooLarge { what, size: format!("{need} bytes"), limit: format!("{limit} bytes") });
     }
@@ -109,7 +86,8 @@ fn fill(gpu: &Gpu, what: &'static str, old: &mut wgpu::Buffer, data: &[u8]) -> R
         old.destroy();
         *old = buffer(gpu, what, size, usage)?;
     }
-    gpu.queue.write_buffer(old, 0, data);
+    gpu.queue.write_buffer(old, 0, data[0]);
+    gpu.queue.write_buffer(old, data[0].len() as u64, data[1]);
     Ok(())
 }
 
@@ -151,17 +129,21 @@ impl SliceTarget {
 #[derive(Debug)]
 pub struct SlicingPass {
     layout: wgpu::PipelineLayout,
+    /// With the backward map.
+    exact_layout: wgpu::PipelineLayout,
     pipelines: HashMap<Variant, wgpu::RenderPipeline>,
 }
 
 impl SlicingPass {
-    pub fn new(gpu: &Gpu, frame: &wgpu::BindGroupLayout, object: &wgpu::BindGroupLayout) -> Self {
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("slicing"),
-            bind_group_layouts: &[Some(frame), Some(object)],
-            immediate_size: 0,
-        });
-        Self { layout, pipelines: HashMap::new() }
+    pub fn new(gpu: &Gpu, groups: [&wgpu::BindGroupLayout; 3]) -> Self {
+        let layout = |count: usize| {
+            gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("slicing"),
+                bind_group_layouts: &groups.map(Some)[..count],
+                immediate_size: 0,
+            })
+        };
+        Self { layout: layout(2), exact_layout: layout(3), pipelines: HashMap::new() }
     }
 
     /// Compiles the pipeline of a variant the first time it is used.
@@ -170,7 +152,9 @@ impl SlicingPass {
     /// [`GpuError::Refusal`].
     pub fn prepare(&mut self, gpu: &Gpu, variant: Variant) -> Result<(), GpuError> {
         if !self.pipelines.contains_key(&variant) {
-            let pipeline = gpu.allocate("a pipeline", 0, || pipeline(gpu, &self.layout, variant))?;
+            let pipeline = gpu.allocate("a pipeline", 0, || {
+                pipeline(gpu, if variant.exact { &self.exact_layout } else { &self.layout }, variant)
+            })?;
             self.pipelines.insert(variant, pipeline);
         }
         Ok(())
@@ -181,7 +165,7 @@ impl SlicingPass {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         target: &SliceTarget,
-        variant: Option<(Variant, [&wgpu::BindGroup; 2])>,
+        variant: Option<(Variant, [&wgpu::BindGroup; 3])>,
         geometry: &GeometryBuffers,
         timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
@@ -210,7 +194,8 @@ impl SlicingPass {
         let Some(pipeline) = self.pipelines.get(&variant) else { return };
         if let (Some(far), Some(near)) = (geometry.slices.first(), geometry.slices.last()) {
             pass.set_pipeline(pipeline);
-            groups.into_iter().zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
+            let count = if variant.exact { 3 } else { 2 };
+            groups.into_iter().take(count).zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
             pass.set_vertex_buffer(0, geometry.vertices.slice(..));
             pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
             if iso {

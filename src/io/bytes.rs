@@ -472,11 +472,12 @@ pub(super) fn little_endian(samples: &Samples) -> std::borrow::Cow<'_, [u8]> {
 
 /// Writes numbers in text, `row` of them on a line. They read back to the same value (of NaNs, only that they are).
 pub(super) fn write_text(w: &mut dyn Write, samples: &Samples, row: usize) -> io::Result<()> {
-    fn rows<T: Scalar + std::fmt::Display>(w: &mut dyn Write, v: &[T], row: usize) -> io::Result<()> {
+    fn rows<T: Scalar>(w: &mut dyn Write, v: &[T], row: usize) -> io::Result<()> {
         for line in v.chunks(row) {
             for (i, x) in line.iter().enumerate() {
                 let gap = if i == 0 { "" } else { " " };
-                write!(w, "{gap}{x}")?;
+                // unlike `{}`, not hundreds of digits for large and small numbers
+                write!(w, "{gap}{x:?}")?;
             }
             writeln!(w)?;
         }

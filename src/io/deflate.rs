@@ -10,6 +10,9 @@ use rayon::prelude::*;
 
 /// Large enough that the 32 KiB window lost at each cut does not matter.
 const PIECE: usize = 1 << 20;
+/// Twice as fast as level 4 and a few percent larger on scans; level 1 is faster still, but a quarter larger.
+const LEVEL: u32 = 2;
+/// The modulus of [`adler32`].
 const ADLER: u64 = 65521;
 
 /// The frame around deflated data.
@@ -66,7 +69,7 @@ pub(super) fn write_deflated(w: &mut dyn Write, parts: &[&[u8]], wrapper: Wrappe
 
 /// Deflates a piece up to a byte boundary, without ending the stream.
 fn deflate(piece: &[u8]) -> io::Result<Vec<u8>> {
-    let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), Compression::new(4));
+    let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), Compression::new(LEVEL));
     encoder.write_all(piece)?;
     encoder.flush()?;
     // what the encoder adds when it is dropped would end the stream: it goes into the vector left behind

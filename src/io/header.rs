@@ -1,5 +1,6 @@
 //! Headers in text: bounded lines, numbers, and the frame of a grid taken apart.
 
+use std::collections::HashMap;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -56,30 +57,29 @@ impl<'a, R: BufRead> Lines<'a, R> {
 /// The named entries of a header, with the file they are from.
 pub(super) struct Fields {
     pub path: PathBuf,
-    entries: Vec<(String, String)>,
+    entries: HashMap<String, String>,
 }
 
 impl Fields {
     pub fn new(path: &Path) -> Self {
-        Self { path: path.to_owned(), entries: Vec::new() }
+        Self { path: path.to_owned(), entries: HashMap::new() }
     }
 
     /// Adds an entry; names are compared without case and blanks.
     ///
     /// # Errors
-    /// If there is one of this name already.
+    /// If there is one of this name already, other than a comment.
     pub fn add(&mut self, name: &str, value: &str) -> Result<(), IoError> {
         let key = key(name);
-        if self.entries.iter().any(|(k, _)| *k == key) {
+        if self.entries.contains_key(&key) && key != "comment" {
             return Err(self.wrong(format!("has the field {} twice; it must be given once", quote(name.trim()))));
         }
-        self.entries.push((key, value.trim().to_owned()));
+        self.entries.insert(key, value.trim().to_owned());
         Ok(())
     }
 
     pub fn get(&self, name: &str) -> Option<&str> {
-        let key = key(name);
-        self.entries.iter().find(|(k, _)| *k == key).map(|(_, v)| v.as_str())
+        self.entries.get(&key(name)).map(String::as_str)
     }
 
     /// The first of several names for the same thing that is there.

@@ -194,8 +194,15 @@ fn rescale(fields: &Fields) -> Result<Rescale, IoError> {
 /// Writes a `.mha`, or a `.mhd` with its samples beside it (`NAME.raw`, `NAME.zraw` or `NAME.txt`).
 ///
 /// # Errors
-/// If a file cannot be written; what was there before is left.
+/// If a file cannot be written (what was there before is left), or text of several channels is asked for.
 pub fn write(path: &Path, volume: &Volume, options: &WriteOptions) -> Result<(), IoError> {
+    if options.encoding == Encoding::Text && volume.channels > 1 {
+        // MetaIO itself reads as many numbers as there are voxels, and leaves the rest of its memory as it was
+        return Err(IoError::unsupported(
+            path,
+            "a MetaImage of several channels cannot be written as text, which other programs misread; use .nrrd, or another encoding",
+        ));
+    }
     let detached = store::ends_with(path, ".mhd");
     let ending = match options.encoding {
         Encoding::Raw => "raw",

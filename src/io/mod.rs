@@ -19,8 +19,10 @@ pub mod ply;
 pub mod raw;
 pub mod stl;
 mod surface;
+mod text;
 
 pub use atomic::write_atomic;
 pub use error::IoError;
 pub use surface::{is_surface_path, read_surface, read_surface_as_stored, write_surface};
+pub use text::read_text;
 pub use volume::{Encoding, WriteOptions, is_volume_path, read_grid, read_volume, write_volume};

@@ -147,6 +147,14 @@ fn axes(fields: &Fields) -> Result<Axes, IoError> {
         let dims = std::array::from_fn(|i| sizes[spatial[i]]);
         return Ok(Axes { dims, spatial, count, channels, stride });
     }
+    let colors = ["color", "vector", "normal", "gradient", "complex", "quaternion", "matrix"];
+    if let Some(kinds) = fields.get("kinds").map(str::to_ascii_lowercase)
+        && colors.iter().any(|c| kinds.contains(c))
+    {
+        return Err(
+            fields.unsupported(format!("has only 2 axes in space ('kinds' is {}); a volume needs 3", quote(&kinds)))
+        );
+    }
     Ok(Axes { dims: [sizes[0], sizes[1], sizes[2]], spatial, count, channels: 1, stride: 1 })
 }
 

@@ -54,10 +54,10 @@ fn by_name(path: &Path) -> Option<Format> {
     ENDINGS.iter().find(|(ending, _)| ends_with(path, ending)).map(|(_, format)| *format)
 }
 
-/// Whether the name is one that volumes have: `.nrrd .nhdr .nii .nii.gz .hdr .img .mha .mhd .raw`. A `.json` may describe
-/// anything; [`read_volume`] takes it as the header of a raw volume.
+/// Whether the name is one that volumes have: `.nrrd .nhdr .nii .nii.gz .hdr .img .mha .mhd .raw .json`. Of these, `.json`
+/// may be something else too: a grid ([`read_grid`]), or no volume at all.
 pub fn is_volume_path(path: &Path) -> bool {
-    by_name(path).is_some() && !ends_with(path, ".json")
+    by_name(path).is_some()
 }
 
 /// What the content shows, for the formats that say so.

@@ -264,7 +264,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(200))]
+        #![proptest_config(ProptestConfig::with_cases(60))]
         #[test]
         fn any_nodes_give_a_clean_solid_that_holds_them(bits in proptest::collection::vec(any::<bool>(), 125)) {
             let mut l = lattice([7, 7, 7], |[x, y, z]| bits[(x - 1) + 5 * ((y - 1) + 5 * (z - 1))]);

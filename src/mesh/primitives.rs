@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::TriMesh;
+use super::nets::Lattice;
 
 /// The hull of a box given by its eight corners, of which bits 0, 1, 2 of the index choose the upper side along its three
 /// axes (as [`crate::volume::Grid::corners`] returns them): 12 triangles, facing outward also where the axes are
@@ -165,6 +166,49 @@ pub fn cavity_sphere(frequency: u32) -> TriMesh {
     mesh
 }
 
+/// Three fused rings, a closed surface of genus 3 about the origin, of about `triangles` triangles (at least about 2000):
+/// the level 0.3 of a sum of Gaussian rings, as the benchmarks have it, as a relaxed surface net.
+pub fn genus3(triangles: usize) -> TriMesh {
+    let level = |p: DVec3| {
+        let ring = |k: u32| {
+            let (s, c) = (TAU * f64::from(k) / 3.0 + 0.3).sin_cos();
+            let q = (p.x - 0.52 * c).hypot(p.y - 0.52 * s) - 0.46;
+            (-(q * q + p.z * p.z) / (2.0 * 0.085 * 0.085)).exp()
+        };
+        0.30 - (0..3).map(ring).sum::<f64>()
+    };
+    let lattice = |n: usize| {
+        // the middle of the lattice at the origin; cells nearly cubes
+        let nz = (n as f64 * 0.36).round() as usize | 1;
+        let step = DVec3::new(2.5, 2.5, 0.9) / DVec3::new(n as f64 - 1.0, n as f64 - 1.0, nz as f64 - 1.0);
+        let place = move |q: DVec3| q * step - DVec3::new(1.25, 1.25, 0.45);
+        let dims = [n, n, nz];
+        let values: Vec<f64> = (0..n * n * nz)
+            .map(|i| level(place(DVec3::new((i % n) as f64, (i / n % n) as f64, (i / (n * n)) as f64))))
+            .collect();
+        let mut lattice = Lattice { dims, inside: values.iter().map(|&v| v < 0.0).collect() };
+        lattice.make_well_composed();
+        (lattice, values, place)
+    };
+    let mut n = 48;
+    for _ in 0..6 {
+        let count = 2 * lattice(n).0.quad_count();
+        let ratio = triangles as f64 / count.max(1) as f64;
+        if (ratio - 1.0).abs() < 0.02 {
+            break;
+        }
+        n = ((n as f64 * ratio.sqrt()).round() as usize).clamp(28, 2000);
+    }
+    let (lattice, values, place) = lattice(n);
+    let net = lattice.net();
+    let mut positions: Vec<DVec3> = net.mean_of_crossings(&lattice, |i| values[i]).into_iter().map(place).collect();
+    for _ in 0..4 {
+        let means = net.neighbour_means(&positions);
+        positions.iter_mut().zip(means).for_each(|(p, mean)| *p = p.lerp(mean, 0.5));
+    }
+    TriMesh { triangles: net.triangles(&positions), positions }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,5 +288,20 @@ mod tests {
         assert!((*cavity.positions.last().expect("not empty") - p).length() < 1e-14);
         assert_eq!(cavity.triangles[4999], [2113, 2114, 2363]);
         assert_eq!((frequency_for(5000), frequency_for(100_000), frequency_for(0)), (16, 71, 2));
+    }
+
+    #[test]
+    fn three_rings_have_three_handles_at_any_size() {
+        for (n, tolerance) in [(2000, 0.1), (5000, 0.05), (20_000, 0.03)] {
+            let mesh = genus3(n);
+            clean(&mesh, -4);
+            assert!(
+                (mesh.triangles.len() as f64 / n as f64 - 1.0).abs() < tolerance,
+                "{} of {n}",
+                mesh.triangles.len()
+            );
+            let report = crate::mesh::check::MeshReport::of(&mesh);
+            assert!(report.is_clean_solid(), "{:?}", report.defects());
+        }
     }
 }

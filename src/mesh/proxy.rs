@@ -8,23 +8,29 @@
 //! 1. The voxels above the isovalue are gathered in boxes, about 64 along each axis, each as tight as its voxels allow and
 //!    grown by a margin. D(p) is the distance from p to the nearest box.
 //! 2. A lattice is chosen so coarse that its surface net ([`super::nets`]) has the wanted number of triangles. Nodes with
-//!    D <= r are inside. The set is made well-composed and its cavities are filled: the net is a closed manifold.
-//! 3. Vertices start where D = r along the lattice edges and are relaxed towards the mean of their neighbours, but neither
-//!    out of their own cell nor nearer to a box than a part of the lattice spacing.
-//! 4. The result is checked, not trusted: no triangle may touch a box (separating axes), the mesh must wind once about each
-//!    box, and no triangle may meet another. Offending vertices are pushed out, or back to the middle of their cells; where
-//!    that does not help, all is done again with a larger r.
+//!    D <= r are inside; r is half the diagonal of a cell at first, so that no box is missed. The set is made well-composed
+//!    and its cavities are filled: the net is a closed manifold.
+//! 3. Vertices start where D = r along the lattice edges. Those of triangles that touch a box (separating axes) are pushed
+//!    away from it; where that does not help, nodes are added.
+//! 4. Vertices are relaxed towards the mean of their neighbours, but no nearer to a box than a part of the lattice spacing.
+//!    After each round the quadrilaterals that touch a box go back to where they were, so that the net, a membrane that
+//!    shrinks onto the boxes, never lets one through.
+//! 5. The result is checked, not trusted: no triangle may touch a box, the mesh must wind once about each box, and no
+//!    triangle may meet another. Vertices of triangles that do must stay in their cells in the next try. Where nothing helps,
+//!    all is done again with a larger r.
 //!
-//! The last r is the diagonal of a lattice cell, for which containment holds wherever in their cells the vertices are: each
-//! point of the net is at most one cell away, along each axis, from an outside node, thus at most a diagonal, and from there
-//! every box is farther. And with all vertices in the middle of their cells the net is a hull of cubes, which does not meet
-//! itself. So the method always ends with a sound mesh.
+//! The last r is the diagonal of a lattice cell, with all vertices in their cells. Then containment holds wherever in their
+//! cells they are: each point of the net is at most one cell away, along each axis, from an outside node, thus at most a
+//! diagonal, and from there every box is farther. And with all vertices in the middle of their cells the net is a hull of
+//! cubes, which does not meet itself. So the method always ends with a sound mesh.
 //!
 //! # Practice
 //!
 //! All lengths are in voxel edges times spacing, with 0 at the lower face of the volume; a shear of the frame is left to the
 //! last step, the map to the world. The lattice divides the volume evenly, nodes in the middle of its cells, so that the
 //! faces of the volume lie in the middle between nodes: there a clipped proxy gets its flat sides.
+
+use std::collections::HashSet;
 
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
@@ -33,10 +39,14 @@ use super::TriMesh;
 use super::bvh::{Aabb, Bvh};
 use super::check::self_intersecting;
 use super::locate::Locator;
-use super::nets::Lattice;
+use super::nets::{Lattice, Net};
 
 /// Boxes along each axis, at most.
 const BLOCKS: usize = 64;
+/// How far from the boxes nodes are inside at first, in lattice steps: half a diagonal, so that no box is missed.
+const FIRST_REACH: f64 = 0.87;
+/// How near to a box a vertex may be relaxed, in lattice steps.
+const CLEARANCE: f64 = 0.5;
 /// Nodes of a lattice, at most.
 const MOST_NODES: f64 = 4e6;
 
@@ -56,7 +66,7 @@ pub struct ProxyOptions {
 
 impl Default for ProxyOptions {
     fn default() -> Self {
-        Self { margin_voxels: 1.0, target_triangles: 4000, smoothing: 20, clip: true }
+        Self { margin_voxels: 1.0, target_triangles: 4000, smoothing: 40, clip: true }
     }
 }
 
@@ -71,6 +81,8 @@ pub enum ProxyError {
     Margin(f64),
     #[error("the voxel axes are not finite or lie in one plane")]
     Singular,
+    #[error("the voxel spacing differs so much between the axes that rounding spoils the proxy")]
+    Uneven,
 }
 
 /// Encloses every voxel of a grid for which `inside` holds; its argument is the linear index, x fastest. The mesh is in the
@@ -92,7 +104,7 @@ pub fn enclose(
     }
     let m = world_from_voxel.matrix3;
     let spacing = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
-    if !world_from_voxel.is_finite() || !(m.determinant().abs() > 0.0) {
+    if !world_from_voxel.is_finite() || m.determinant() == 0.0 {
         return Err(ProxyError::Singular);
     }
     let frame = Frame { dims, spacing, size: DVec3::from_array(dims.map(|n| n as f64)) * spacing };
@@ -101,17 +113,8 @@ pub fn enclose(
     let hull = hull.ok_or(ProxyError::NothingInside)?;
     let solid = Solid { tree: Bvh::new(boxes.clone()), boxes, hull };
 
-    let mut spread = 0.6;
-    let cells = solid.choose_lattice(&frame, options, spread);
-    let diagonal = cells.step.length();
-    let mesh = loop {
-        let last = spread * cells.step.max_element() >= diagonal;
-        let reach = if last { diagonal } else { spread * cells.step.max_element() };
-        if let Some(mesh) = solid.mesh(&cells, reach, options, last) {
-            break mesh;
-        }
-        spread += 0.25;
-    };
+    let cells = solid.choose_lattice(&frame, options);
+    let mesh = solid.sound_mesh(&cells, options).ok_or(ProxyError::Uneven)?;
     let voxel_from_edges = DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing.recip()), DVec3::splat(-0.5));
     Ok(mesh.transformed(&(*world_from_voxel * voxel_from_edges)))
 }
@@ -197,6 +200,28 @@ impl Cells {
     }
 }
 
+impl Cells {
+    /// Where the vertex of a cell may be: anywhere in the volume if `free`, else in the cell, and flat on the side of the
+    /// volume that leads through it.
+    fn range_of(&self, cell: &[usize; 3], free: bool) -> Aabb {
+        let lo = DVec3::from_array(cell.map(|x| x as f64));
+        let (lo, hi) = (self.place(lo), self.place(lo + 1.0));
+        let all = Aabb { lo: DVec3::NEG_INFINITY, hi: DVec3::INFINITY };
+        let mut range = if free { all } else { Aabb { lo, hi } };
+        if let Some(size) = self.clip {
+            range = Aabb { lo: range.lo.max(DVec3::ZERO), hi: range.hi.min(size) };
+            for a in 0..3 {
+                if !free && lo[a] < 0.0 {
+                    range.hi[a] = 0.0;
+                } else if !free && hi[a] > size[a] {
+                    range.lo[a] = size[a];
+                }
+            }
+        }
+        range
+    }
+}
+
 struct Solid {
     boxes: Vec<Aabb>,
     tree: Bvh,
@@ -215,15 +240,15 @@ impl Solid {
         Cells { step, first, dims, clip: clip.then_some(frame.size) }
     }
 
-    /// Nodes within `reach` of a box, made fit for a net; and how far each node is from `reach` (negative inside).
-    fn lattice(&self, cells: &Cells, reach: f64) -> (Lattice, Vec<f64>) {
+    /// Nodes within `reach` of a box, made fit for a net; and how far each node is from `reach` (negative inside, and cut
+    /// off at `depth`, which is at least 0).
+    fn lattice(&self, cells: &Cells, reach: f64, depth: f64) -> (Lattice, Vec<f64>) {
         let [nx, ny, nz] = cells.dims;
-        let far = 3.0 * reach;
         let level: Vec<f64> = (0..nx * ny * nz)
             .into_par_iter()
             .map(|i| {
                 let p = cells.place(DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64));
-                self.tree.nearest(p, far).map_or(far, |q| q.distance(p)) - reach
+                self.tree.nearest(p, reach + depth).map_or(depth, |q| q.distance(p) - reach)
             })
             .collect();
         let inside =
@@ -235,26 +260,26 @@ impl Solid {
     }
 
     /// The lattice whose net comes near the wanted number of triangles.
-    fn choose_lattice(&self, frame: &Frame, options: &ProxyOptions, spread: f64) -> Cells {
+    fn choose_lattice(&self, frame: &Frame, options: &ProxyOptions) -> Cells {
         let target = options.target_triangles.clamp(50, 1_000_000) as f64;
         let size = self.hull.hi - self.hull.lo;
         let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
         // a net has two triangles for each square of its staircase, whose area is about that of the box
         let mut step = (2.0 * area.max(f64::MIN_POSITIVE) / target).sqrt().max(size.max_element() / 1000.0);
         let mut best: Option<(f64, Cells)> = None;
-        for _ in 0..7 {
+        for _ in 0..6 {
             let mut cells = self.cells(frame, step, options.clip);
             while cells.dims.iter().map(|&n| n as f64).product::<f64>() > MOST_NODES {
                 step *= 1.2;
                 cells = self.cells(frame, step, options.clip);
             }
-            let count = 2.0 * self.lattice(&cells, spread * cells.step.max_element()).0.quad_count() as f64;
-            let ratio = count / target;
+            let (lattice, _) = self.lattice(&cells, FIRST_REACH * cells.step.max_element(), 0.0);
+            let ratio = 2.0 * lattice.quad_count() as f64 / target;
             let off = ratio.max(1.0 / ratio);
             if best.as_ref().is_none_or(|b| off < b.0) {
                 best = Some((off, cells));
             }
-            if off < 1.15 {
+            if off < 1.2 {
                 break;
             }
             step *= ratio.sqrt().clamp(0.25, 4.0);
@@ -262,50 +287,51 @@ impl Solid {
         best.map_or_else(|| self.cells(frame, step, options.clip), |b| b.1)
     }
 
-    /// The relaxed net at distance `reach`, if it can be made sound; always if `certain`.
-    fn mesh(&self, cells: &Cells, reach: f64, options: &ProxyOptions, certain: bool) -> Option<TriMesh> {
-        let (lattice, level) = self.lattice(cells, reach);
-        let net = lattice.net();
-        let start: Vec<DVec3> = net.mean_of_crossings(&lattice, |i| level[i]).iter().map(|p| cells.place(*p)).collect();
-        let bounds: Vec<Aabb> = net.cells.iter().map(|c| vertex_range(cells, c)).collect();
-        let middle: Vec<DVec3> = bounds.iter().map(|b| (b.lo + b.hi) / 2.0).collect();
-        // least distance from the boxes
-        let mut clearance = vec![0.5 * reach; net.cells.len()];
-        let hold = |i: usize, p: DVec3, clearance: f64| {
-            let p = bounds[i].nearest(p);
-            match self.tree.nearest(p, clearance) {
-                Some(q) if q != p => bounds[i].nearest(q + (p - q) * (clearance / q.distance(p))),
-                Some(_) => start[i],
-                None => p,
+    /// The net of these cells at the smallest reach, tried in steps, at which it can be made sound. `None` only if rounding
+    /// errors are as large as the cells.
+    fn sound_mesh(&self, cells: &Cells, options: &ProxyOptions) -> Option<TriMesh> {
+        let diagonal = cells.step.length();
+        let mut reach = FIRST_REACH * cells.step.max_element();
+        while reach < diagonal {
+            let (mut lattice, level) = self.lattice(cells, reach, diagonal);
+            let mut bound = HashSet::new();
+            for _ in 0..6 {
+                let mut net = Relaxed::new(self, cells, &lattice, &level, |cell| !bound.contains(cell));
+                let result = net.part_from_boxes(self).and_then(|()| {
+                    net.smooth(self, options.smoothing);
+                    net.untangled(self)
+                });
+                match result {
+                    Ok(mesh) => return Some(mesh),
+                    Err(Flaw::Touches(bad)) => {
+                        for node in bad.iter().flat_map(|&v| nodes_of(&net.net.cells[v])).filter(|n| cells.allowed(*n))
+                        {
+                            let i = lattice.index(node);
+                            lattice.inside[i] = true;
+                        }
+                        lattice.make_well_composed();
+                        lattice.fill_cavities();
+                    }
+                    Err(Flaw::Tangled(bad)) => bound.extend(bad.iter().map(|&v| net.net.cells[v])),
+                }
             }
-        };
-        let mut points: Vec<DVec3> = (0..start.len()).map(|i| hold(i, start[i], clearance[i])).collect();
-        for _ in 0..options.smoothing {
-            let means = net.neighbour_means(&points);
-            points = (0..points.len())
-                .into_par_iter()
-                .map(|i| hold(i, points[i].lerp(means[i], 0.5), clearance[i]))
-                .collect();
+            reach += 0.25 * cells.step.max_element();
         }
-        for round in 0..40 {
-            let mesh = TriMesh { triangles: net.triangles(&points), positions: points.clone() };
-            let touching = self.touching(&mesh);
-            let crossing = self_intersecting(&mesh, &vec![false; mesh.triangles.len()]);
-            if touching.is_empty() && crossing.is_empty() && self.winds_once(&mesh) {
-                return Some(mesh);
-            }
-            if !certain && round >= 12 {
-                return None;
-            }
-            for v in touching.iter().flat_map(|&t| mesh.triangles[t as usize]).map(|v| v as usize) {
-                clearance[v] += 0.05 * reach;
-                points[v] = hold(v, points[v], clearance[v]);
-            }
-            for v in crossing.iter().flat_map(|&t| mesh.triangles[t as usize]).map(|v| v as usize) {
-                points[v] = points[v].lerp(middle[v], 0.5);
+        let (lattice, level) = self.lattice(cells, diagonal, diagonal);
+        let mut net = Relaxed::new(self, cells, &lattice, &level, |_| false);
+        net.smooth(self, options.smoothing);
+        for _ in 0..30 {
+            match net.untangled(self) {
+                Ok(mesh) => return Some(mesh),
+                Err(Flaw::Tangled(bad)) => bad.iter().for_each(|&v| {
+                    let middle = (net.cells[v].lo + net.cells[v].hi) / 2.0;
+                    net.points[v] = net.points[v].lerp(middle, 0.5);
+                }),
+                Err(Flaw::Touches(_)) => return None,
             }
         }
-        certain.then(|| TriMesh { triangles: net.triangles(&middle), positions: middle })
+        net.points = net.cells.iter().map(|r| (r.lo + r.hi) / 2.0).collect();
+        net.untangled(self).ok()
     }
 
     /// Triangles that touch a box.
@@ -321,27 +347,139 @@ impl Solid {
         (0..mesh.triangles.len() as u32).into_par_iter().filter(touches).collect()
     }
 
-    /// Whether each box, which no triangle touches, lies inside.
-    fn winds_once(&self, mesh: &TriMesh) -> bool {
+    /// The boxes, none of which a triangle touches, that are not inside.
+    fn not_wound_once_by(&self, mesh: &TriMesh) -> Vec<Aabb> {
         let locator = Locator::new(mesh);
-        self.boxes.par_iter().all(|b| locator.winding_number((b.lo + b.hi) / 2.0) == 1)
+        let outside = |b: &&Aabb| locator.winding_number((b.lo + b.hi) / 2.0) != 1;
+        self.boxes.par_iter().filter(outside).copied().collect()
     }
 }
 
-/// Where the vertex of a cell may be: in the cell, and flat on the side of the volume that leads through it.
-fn vertex_range(cells: &Cells, cell: &[usize; 3]) -> Aabb {
-    let lo = DVec3::from_array(cell.map(|x| x as f64));
-    let (mut lo, mut hi) = (cells.place(lo), cells.place(lo + 1.0));
-    if let Some(size) = cells.clip {
-        for a in 0..3 {
-            if lo[a] < 0.0 {
-                (lo[a], hi[a]) = (0.0, 0.0);
-            } else if hi[a] > size[a] {
-                (lo[a], hi[a]) = (size[a], size[a]);
+/// What keeps a net from being a proxy, and at which vertices.
+enum Flaw {
+    Touches(Vec<usize>),
+    Tangled(Vec<usize>),
+}
+
+/// A net whose vertices are being moved.
+struct Relaxed {
+    net: Net,
+    points: Vec<DVec3>,
+    /// The cell of each vertex.
+    cells: Vec<Aabb>,
+    /// Where each vertex may be.
+    ranges: Vec<Aabb>,
+    /// Least distance of each vertex from the boxes.
+    clearance: Vec<f64>,
+}
+
+impl Relaxed {
+    fn new(solid: &Solid, cells: &Cells, lattice: &Lattice, level: &[f64], free: impl Fn(&[usize; 3]) -> bool) -> Self {
+        let net = lattice.net();
+        let start = net.mean_of_crossings(lattice, |i| level[i]).iter().map(|p| cells.place(*p)).collect();
+        let mut relaxed = Self {
+            points: start,
+            ranges: net.cells.iter().map(|c| cells.range_of(c, free(c))).collect(),
+            cells: net.cells.iter().map(|c| cells.range_of(c, false)).collect(),
+            clearance: vec![CLEARANCE * cells.step.max_element(); net.cells.len()],
+            net,
+        };
+        // flat sides first
+        relaxed.points = relaxed.cells.iter().zip(&relaxed.points).map(|(c, p)| c.nearest(*p)).collect();
+        relaxed.points = (0..relaxed.points.len()).map(|v| relaxed.held(solid, v, relaxed.points[v])).collect();
+        relaxed
+    }
+
+    /// The place near `p` where vertex `v` may be. It stays where it is if it would lie in a box.
+    fn held(&self, solid: &Solid, v: usize, p: DVec3) -> DVec3 {
+        let p = self.ranges[v].nearest(p);
+        match solid.tree.nearest(p, self.clearance[v]) {
+            Some(q) if q == p => self.ranges[v].nearest(self.points[v]),
+            Some(q) => self.ranges[v].nearest(q + (p - q) * (self.clearance[v] / q.distance(p))),
+            None => p,
+        }
+    }
+
+    fn mesh(&self) -> TriMesh {
+        TriMesh { positions: self.points.clone(), triangles: self.net.triangles(&self.points) }
+    }
+
+    /// The corners of the quadrilaterals that touch a box.
+    fn touching(&self, solid: &Solid) -> Vec<usize> {
+        self.corners(&solid.touching(&self.mesh()))
+    }
+
+    fn corners(&self, triangles: &[u32]) -> Vec<usize> {
+        let mut v: Vec<usize> =
+            triangles.iter().flat_map(|t| self.net.quads[*t as usize / 2]).map(|v| v as usize).collect();
+        v.sort_unstable();
+        v.dedup();
+        v
+    }
+
+    /// Pushes vertices away from the boxes until no triangle touches one and all are inside.
+    fn part_from_boxes(&mut self, solid: &Solid) -> Result<(), Flaw> {
+        let mut fewest = usize::MAX;
+        let mut in_vain = 0;
+        loop {
+            let bad = self.touching(solid);
+            if bad.is_empty() {
+                let escaped = solid.not_wound_once_by(&self.mesh());
+                let near = |v: &usize| escaped.iter().any(|b| b.overlaps(&self.cells[*v]));
+                let bad: Vec<usize> = (0..self.points.len()).filter(near).collect();
+                return if escaped.is_empty() { Ok(()) } else { Err(Flaw::Touches(bad)) };
+            }
+            in_vain = if bad.len() < fewest { 0 } else { in_vain + 1 };
+            fewest = fewest.min(bad.len());
+            if in_vain == 6 {
+                return Err(Flaw::Touches(bad));
+            }
+            for v in bad {
+                self.clearance[v] *= 1.2;
+                self.points[v] = self.held(solid, v, self.points[v]);
             }
         }
     }
-    Aabb { lo, hi }
+
+    /// Moves vertices towards the mean of their neighbours. Where that makes a triangle touch a box, they stay: so what was
+    /// parted from the boxes remains so.
+    fn smooth(&mut self, solid: &Solid, rounds: usize) {
+        for round in 0..rounds {
+            if round + 4 == rounds {
+                // the last rounds take away the creases where the net begins to lie on the boxes
+                self.clearance.iter_mut().for_each(|c| *c *= 0.5);
+            }
+            let means = self.net.neighbour_means(&self.points);
+            let moved = |v: usize| self.held(solid, v, self.points[v].lerp(means[v], 0.5));
+            let moved = (0..means.len()).into_par_iter().map(moved).collect();
+            let before = std::mem::replace(&mut self.points, moved);
+            loop {
+                let mut restored = false;
+                for v in self.touching(solid) {
+                    restored |= self.points[v] != before[v];
+                    self.points[v] = before[v];
+                }
+                if !restored {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The mesh, if nothing is wrong with it.
+    fn untangled(&self, solid: &Solid) -> Result<TriMesh, Flaw> {
+        let mesh = self.mesh();
+        let touching = solid.touching(&mesh);
+        if !touching.is_empty() || !solid.not_wound_once_by(&mesh).is_empty() {
+            return Err(Flaw::Touches(self.corners(&touching)));
+        }
+        let crossing = self_intersecting(&mesh, &vec![false; mesh.triangles.len()]);
+        if crossing.is_empty() { Ok(mesh) } else { Err(Flaw::Tangled(self.corners(&crossing))) }
+    }
+}
+
+fn nodes_of(cell: &[usize; 3]) -> [[usize; 3]; 8] {
+    std::array::from_fn(|c| [cell[0] + (c & 1), cell[1] + (c >> 1 & 1), cell[2] + (c >> 2)])
 }
 
 /// By separating axes; what comes nearer than rounding errors counts as touching.

@@ -11,7 +11,7 @@
 //! Jacobian `dT/dp`, all interpolated linearly over each triangle; `slicing-exact` evaluates them per fragment instead.
 //!
 //! - *Value*: `s(x)` is trilinear in texel centres, clamped to the edge, then mapped to the window:
-//!   `clamp((real(x) - lo) / (hi - lo), 0, 1)`. A fragment with `front` outside `[0,1]^3` is not drawn, nor is a slice
+//!   `clamp((real(x) - lo) / (hi - lo), 0, 1)`. A fragment with `front` outside `[0,1]^3` (by more than 1e-5) is not drawn, nor is a slice
 //!   whose depth lies outside the clip range `0..=1`.
 //! - *RGBA*: the value is A. RGB is interpolated as stored (sRGB), then made linear; the fragment's colour is that times the
 //!   opacity of the table.
@@ -32,7 +32,7 @@
 //! - *Iso*: drawn where `max(s(front), s(back)) >= iso`: if `s(front) >= iso` at `x = front`, else at `x = mix(front, back, t)`,
 //!   `t = (iso - s(front)) / (s(back) - s(front))`; nearest by depth, opaque, its colour shaded with `w = 1`, the gradient
 //!   taken at `x` and everything else at the fragment. The window is the field's whole range, so nothing is clamped. If
-//!   `g = 0`, `n = v`.
+//!   `|g| < 1e-5` (per voxel), that is rounding, and `n = v`.
 //! - *MIP*: the largest `s(front)` along the ray, not lit; shown as the sRGB grey `s` with opacity 1 where anything was drawn.
 //! - *Background*: a vertical gradient between two sRGB colours, mixed as sRGB at the pixel's centre (`(y + 1/2) / height`);
 //!   the linear sum is encoded to sRGB at the end. A transparent picture has straight (not premultiplied) alpha: its colour is
@@ -41,15 +41,26 @@
 //! [`Frame`] holds what these formulas take from the view and the look.
 
 mod camera;
+mod draw;
+mod exact;
 mod field;
 mod frame;
 mod look;
+mod picture;
+mod raster;
+mod sampler;
+mod shade;
+mod skip;
 mod table;
+mod tile;
 
 pub use camera::{Camera, Projection};
+pub use draw::render;
+pub use exact::{Exact, Fragment};
 pub use field::{Field, TexelSlice, Texels};
 pub use frame::Frame;
 pub use look::{Gradient, Look, Shading};
+pub use picture::{Picture, PictureError, max_difference, psnr};
 pub use table::{ClassTable, SIZE as TABLE_SIZE};
 
 use std::ops::Range;
@@ -79,12 +90,4 @@ pub struct SliceGeometry {
     pub slices: Vec<Range<u32>>,
     /// Distance of two slices along the view axis, in world units.
     pub distance: f64,
-}
-
-/// A finished picture: 8-bit sRGB RGBA, rows top down.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
-    pub width: u32,
-    pub height: u32,
-    pub pixels: Vec<[u8; 4]>,
 }

@@ -14,7 +14,7 @@ const RESOLVED: usize = 8;
 const OPAQUE: f64 = 16.0;
 
 /// Opacity below which a fragment is left out: 1000 slices of it stay below half a step of an 8-bit picture.
-const INVISIBLE: f32 = 1e-6;
+pub(super) const INVISIBLE: f32 = 1e-6;
 
 /// Colour and opacity of the ray segment between two slices, by the values at its front and back.
 ///

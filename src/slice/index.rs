@@ -43,7 +43,7 @@ impl Planes {
 
     /// How many planes lie at or below `height`; none if it is not a number. Exact with respect to [`Planes::height`].
     pub fn below(&self, height: f64) -> u32 {
-        if !(height >= self.first) || self.count == 0 {
+        if height.is_nan() || height < self.first || self.count == 0 {
             return 0;
         }
         // the guess is off by one at most, unless the step drowns in the heights' rounding
@@ -111,6 +111,20 @@ pub struct SlabIndex {
     pub(super) walker: Walker,
 }
 
+/// Planes that are let in.
+const MOST_PLANES: usize = 1 << 22;
+/// Points in all planes together that are let in: 4 GiB of coordinates.
+const MOST_POINTS: u64 = 1 << 28;
+
+/// Why a mesh could not be cut.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SliceError {
+    #[error("{0} planes are more than the {MOST_PLANES} that can be cut at once; ask for fewer")]
+    TooManyPlanes(usize),
+    #[error("the sections have {0} points, more than the {MOST_POINTS} that fit; ask for fewer planes")]
+    TooManyPoints(u64),
+}
+
 /// Meshes and sections below these sizes are not worth waking a second thread.
 const VERTICES_PER_TASK: usize = 8192;
 const EDGES_PER_PART: usize = 16384;
@@ -119,11 +133,16 @@ const POINTS_PER_RUN: usize = 4096;
 impl SlabIndex {
     /// Sorts the edges of a mesh into the slabs of a view. Linear in the size of the mesh and the number of planes.
     ///
+    /// # Errors
+    /// [`SliceError::TooManyPoints`]: then the index is empty.
+    ///
     /// # Panics
     /// If `topology` has more vertices than there are positions.
-    pub fn build(&mut self, positions: &[DVec3], topology: &Topology, planes: &Planes) {
+    pub fn build(&mut self, positions: &[DVec3], topology: &Topology, planes: &Planes) -> Result<(), SliceError> {
         assert!(topology.vertex_count <= positions.len(), "the topology has more vertices than there are positions");
-        assert!(planes.count < u32::MAX as usize, "{} planes are too many", planes.count);
+        if planes.count > MOST_PLANES {
+            return Err(SliceError::TooManyPlanes(planes.count));
+        }
         self.planes = Some(*planes);
         self.triangles = topology.triangle_count() as u32;
         self.project(positions, planes);
@@ -147,7 +166,11 @@ impl SlabIndex {
                 crossings = crossings + u64::from(p.begin[k]) - u64::from(p.end[k]);
             }
             total += crossings;
-            self.first_point.push(u32::try_from(total).expect("fewer than 2^32 points in all planes"));
+            self.first_point.push(total.min(u64::from(u32::MAX)) as u32);
+        }
+        if total > MOST_POINTS {
+            *self = Self::default();
+            return Err(SliceError::TooManyPoints(total));
         }
 
         // runs of planes with about equally many points
@@ -166,6 +189,7 @@ impl SlabIndex {
         }
         let (slab, next_run) = (&self.slab, &self.next_run);
         each(&mut self.parts, |i, part| part.fill(topology, of_part(i), slab, next_run));
+        Ok(())
     }
 
     /// The planes that the index was built for.

@@ -31,7 +31,7 @@ mod nest;
 mod section;
 mod walk;
 
-pub use index::{Planes, SlabIndex};
+pub use index::{Planes, SlabIndex, SliceError};
 pub use section::box_section;
 
 use glam::{DVec2, DVec3};
@@ -178,12 +178,15 @@ pub struct Slicer {
 impl Slicer {
     /// The nested sections of a mesh with all planes.
     ///
+    /// # Errors
+    /// [`SliceError`] if planes or points are too many.
+    ///
     /// # Panics
     /// If `topology` has more vertices than there are positions.
-    pub fn slice(&mut self, positions: &[DVec3], topology: &Topology, planes: &Planes) -> &Slices {
-        self.index.build(positions, topology, planes);
+    pub fn slice(&mut self, positions: &[DVec3], topology: &Topology, planes: &Planes) -> Result<&Slices, SliceError> {
+        self.index.build(positions, topology, planes)?;
         self.index.contours(&mut self.slices);
         self.slices.nest();
-        &self.slices
+        Ok(&self.slices)
     }
 }

@@ -84,16 +84,16 @@ impl Slices {
         }
         for i in 0..loops.len() {
             let l = loops[i].index as usize;
-            if (loops[i].depth % 2 == 0) != (loops[i].area > 0.0) {
+            if loops[i].depth.is_multiple_of(2) != (loops[i].area > 0.0) {
                 self.settle(k, i, loops);
             }
             let depth = loops[i].depth;
-            if depth % 2 == 0 {
+            if depth.is_multiple_of(2) {
                 self.owner[l] = l as u32;
             } else if let Some(p) = loops[i].parent {
                 self.owner[l] = loops[p as usize].index;
             }
-            if (depth % 2 == 0) != (self.area[l] > 0.0) {
+            if depth.is_multiple_of(2) != (self.area[l] > 0.0) {
                 self.turn(l, k);
             }
         }

@@ -183,7 +183,8 @@ impl Run {
         let mut slot = start;
         self.tags[slot] = tag;
         points[0] = base;
-        for n in 1.. {
+        let mut n = 1;
+        loop {
             if triangle == index.triangles {
                 return (n, 0.5 * area);
             }
@@ -198,10 +199,10 @@ impl Run {
             self.tags[slot] = tag;
             let p = point(projected, e, height);
             points[n] = p;
+            n += 1;
             area += last.perp_dot(p - base);
             last = p - base;
         }
-        unreachable!("the contour is longer than its points")
     }
 
     /// Measures a loop that needs care: points that are not finite are replaced by a neighbour.

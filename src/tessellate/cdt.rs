@@ -70,8 +70,12 @@ pub(super) fn run(polygon: &Polygon, limits: Limits, triangles: &mut Vec<[u32; 3
         let ends = [a, b].map(FixedVertexHandle::from_index);
         cdt.add_constraint_and_split(ends[0], ends[1], Vertex::from);
     }
-    if limits != Limits::default() {
-        refine(&mut cdt, limits, polygon.area());
+    if limits.min_angle > 0.0 || limits.max_area > 0.0 && limits.max_area.is_finite() {
+        if limits.keep_outline {
+            fill(&mut cdt, limits, polygon);
+        } else {
+            refine(&mut cdt, limits, polygon.area());
+        }
     }
 
     let inside = inside(&cdt, polygon);
@@ -101,6 +105,51 @@ fn refine(cdt: &mut Cdt, limits: Limits, area: f64) {
         parameters = parameters.with_max_allowed_area(limits.max_area.max(1e-8 * area.abs()));
     }
     cdt.refine(parameters);
+}
+
+/// Points inside only, in a triangular pattern as dense as the largest area asks for. (spade's refinement gives up on
+/// every triangle at an edge that must not be split.)
+fn fill(cdt: &mut Cdt, limits: Limits, polygon: &Polygon) {
+    let area = polygon.area().abs();
+    let most = (MOST_ADDED.0 * cdt.num_vertices()).min(MOST_ADDED.1);
+    // one point goes with two triangles
+    let largest = limits.max_area.max(area / (2 * most) as f64);
+    let step = (largest * 4.0 / 3f64.sqrt()).sqrt();
+    if !(step.is_finite() && step > 0.0) {
+        return;
+    }
+    let (lo, hi) = polygon
+        .loops()
+        .flat_map(|(points, _)| points)
+        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)));
+    let row = 0.5 * 3f64.sqrt() * step;
+    let mut added = 0;
+    for j in 0..(((hi.y - lo.y) / row) as usize).min(most) {
+        for i in 0..(((hi.x - lo.x) / step) as usize).min(most) {
+            let offset = if j % 2 == 0 { 0.25 } else { 0.75 };
+            let p = lo + DVec2::new((i as f64 + offset) * step, (j as f64 + 0.5) * row);
+            let is_clear = || clearance(polygon, p) > 0.25 * step * step;
+            if winding(polygon, p) > 0 && is_clear() && added < most && cdt.insert(Point2::new(p.x, p.y).into()).is_ok()
+            {
+                added += 1;
+            }
+        }
+    }
+}
+
+/// The square of the distance of a point from the outline.
+fn clearance(polygon: &Polygon, p: DVec2) -> f64 {
+    let mut least = f64::INFINITY;
+    for (points, _) in polygon.loops() {
+        let Some(mut a) = points.last().copied() else { continue };
+        for &b in points {
+            let along = b - a;
+            let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+            least = least.min((a + along * if t.is_nan() { 0.0 } else { t }).distance_squared(p));
+            a = b;
+        }
+    }
+    least
 }
 
 /// For each face whether the outline winds round it. Faces that no constraint parts have the same answer, so that it is

@@ -79,6 +79,9 @@ pub struct Limits {
     pub min_angle: f64,
     /// Triangles are split until none is larger; infinite or zero for no limit.
     pub max_area: f64,
+    /// Points are added inside only, so that neighbouring polygons still fit together; by the area alone, and triangles
+    /// at the outline may be larger.
+    pub keep_outline: bool,
 }
 
 /// The triangles of all planes, flat; anticlockwise.

@@ -63,7 +63,8 @@ impl Grid {
     }
 
     /// The same grid with its coordinates in another space. Between RAS and LPS the first two world axes turn round; from or
-    /// to [`Space::Unknown`] only the tag changes, because nothing is known about the coordinates.
+    /// to [`Space::Unknown`] only the tag changes, because nothing is known about the coordinates. This is about where voxels
+    /// lie: samples that are themselves vectors in the world are not turned.
     pub fn in_space(&self, space: Space) -> Self {
         let turned = matches!((self.space, space), (Space::Ras, Space::Lps) | (Space::Lps, Space::Ras));
         let mut frame = self.world_from_voxel;

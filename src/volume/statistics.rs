@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::{Samples, Scalar, Volume};
+use super::{Rescale, Samples, Scalar, Volume};
 use crate::with_samples;
 
 /// Voxels in a piece: the sums of integers of up to 32 bits are exact in it.
@@ -31,6 +31,11 @@ pub fn statistics(volume: &Volume) -> Statistics {
     finish(volume, with_samples!(&volume.samples, v => total(v, 1, 0)))
 }
 
+/// Statistics of all channels together of the values as stored, without slope and intercept.
+pub fn stored_statistics(volume: &Volume) -> Statistics {
+    with_samples!(&volume.samples, v => total(v, 1, 0))
+}
+
 /// Statistics of one channel.
 ///
 /// # Panics
@@ -41,18 +46,27 @@ pub fn channel_statistics(volume: &Volume, channel: usize) -> Statistics {
 }
 
 fn finish(volume: &Volume, stored: Statistics) -> Statistics {
-    let real = |v| volume.rescale.real(v);
-    let (a, b) = (real(stored.min), real(stored.max));
-    // a negative slope turns the order round
-    let (min, max) = if a > b { (b, a) } else { (a, b) };
-    Statistics { min, max, mean: real(stored.mean), ..stored }
+    stored.rescaled(volume.rescale)
+}
+
+impl Statistics {
+    /// Of the real values, from those of the stored ones.
+    pub fn rescaled(self, rescale: Rescale) -> Self {
+        let (a, b) = (rescale.real(self.min), rescale.real(self.max));
+        // a negative slope turns the order round
+        let (min, max) = if a > b { (b, a) } else { (a, b) };
+        Self { min, max, mean: rescale.real(self.mean), ..self }
+    }
 }
 
 /// Statistics of stored values: every `step`th, from `first`.
 fn total<T: Scalar>(samples: &[T], step: usize, first: usize) -> Statistics {
     let pieces: Vec<Part<T>> = samples
         .par_chunks(PIECE * step)
-        .map(|piece| if step == 1 { part(piece.iter()) } else { part(piece[first..].iter().step_by(step)) })
+        .map(|piece| match step {
+            1 => part(piece),
+            _ => part(&piece[first..].iter().step_by(step).copied().collect::<Vec<T>>()),
+        })
         .collect();
     let mut all = Part::<T>::default();
     for p in &pieces {
@@ -82,23 +96,32 @@ impl<T> Default for Part<T> {
     }
 }
 
-fn part<'a, T: Scalar>(values: impl Iterator<Item = &'a T> + Clone) -> Part<T> {
+/// Values that are taken abreast, so that neither sums nor comparisons wait for each other.
+const LANES: usize = 16;
+
+fn part<T: Scalar>(values: &[T]) -> Part<T> {
     let is_number = |v: &T| v.partial_cmp(v).is_some();
-    let Some(&first) = values.clone().find(|v| is_number(v)) else {
-        return Part { nan: values.count() as u64, ..Part::default() };
+    let Some(&first) = values.iter().find(|v| is_number(v)) else {
+        return Part { nan: values.len() as u64, ..Part::default() };
     };
-    let (mut lo, mut hi) = (first, first);
-    let (mut sum, mut count, mut all) = (0.0, 0u64, 0u64);
-    for &v in values {
+    let (mut lo, mut hi, mut sum, mut nan) = ([first; LANES], [first; LANES], [0.0; LANES], [0u32; LANES]);
+    let mut take = |lane: usize, v: T| {
         // comparisons with a NaN are false
-        lo = if v < lo { v } else { lo };
-        hi = if v > hi { v } else { hi };
+        lo[lane] = if v < lo[lane] { v } else { lo[lane] };
+        hi[lane] = if v > hi[lane] { v } else { hi[lane] };
         let number = is_number(&v);
-        sum += if number { v.to_f64() } else { 0.0 };
-        count += u64::from(number);
-        all += 1;
+        sum[lane] += if number { v.to_f64() } else { 0.0 };
+        nan[lane] += u32::from(!number);
+    };
+    let abreast = values.chunks_exact(LANES);
+    abreast.remainder().iter().enumerate().for_each(|(lane, v)| take(lane, *v));
+    for row in abreast {
+        (0..LANES).for_each(|lane| take(lane, row[lane]));
     }
-    Part { range: Some((lo, hi)), sum, count, nan: all - count }
+    let lo = lo.into_iter().fold(first, |a, b| if b < a { b } else { a });
+    let hi = hi.into_iter().fold(first, |a, b| if b > a { b } else { a });
+    let nan = nan.iter().map(|n| u64::from(*n)).sum();
+    Part { range: Some((lo, hi)), sum: sum.iter().sum(), count: values.len() as u64 - nan, nan }
 }
 
 /// How often values fall into bins of equal width.
@@ -188,7 +211,10 @@ fn count<T: Scalar>(
         .fold(
             || vec![0u64; slots],
             |mut table, piece| {
-                piece[first..].iter().step_by(step).for_each(|&v| table[slot(v)] += 1);
+                match step {
+                    1 => piece.iter().for_each(|&v| table[slot(v)] += 1),
+                    _ => piece[first..].iter().step_by(step).for_each(|&v| table[slot(v)] += 1),
+                }
                 table
             },
         )

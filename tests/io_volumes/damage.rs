@@ -209,6 +209,84 @@ fn bombs() {
     assert!(read_volume(&path).unwrap_err().to_string().contains("more data than the 8 bytes"));
 }
 
+/// The tests of lying headers once more, in a process that may not have 400 MB: what a header promises is not allocated.
+#[cfg(target_os = "linux")]
+#[test]
+fn lies_in_little_memory() {
+    let program = std::env::current_exe().unwrap();
+    let limited = |kib: &str, test: &str| {
+        let script = format!("ulimit -v {kib} && exec \"$0\" --exact {test} --test-threads 1");
+        std::process::Command::new("sh").arg("-c").arg(script).arg(&program).output().unwrap()
+    };
+    for test in
+        ["damage::bombs", "foreign::nrrd_refusals", "foreign::raw_volumes", "foreign::nifti_channels_and_dimensions"]
+    {
+        let run = limited("400000", test);
+        let said = String::from_utf8_lossy(&run.stdout);
+        assert!(
+            run.status.success() && said.contains("1 passed"),
+            "{test}: {said}{}",
+            String::from_utf8_lossy(&run.stderr)
+        );
+    }
+    // the limit does bite: this test holds 64 MiB itself
+    assert!(!limited("60000", "damage::bombs").status.success());
+}
+
+/// Pieces cut out, doubled, exchanged between files, and overwritten, by a fixed course of chance.
+#[test]
+fn surgery() {
+    let mut state = 12345u64;
+    let mut chance = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below.max(1)
+    };
+    let rounds = std::env::var("VOXCLAY_SURGERY").ok().and_then(|n| n.parse().ok()).unwrap_or(100);
+    let fixtures = fixtures();
+    let values = [
+        "-1",
+        "0",
+        "1e400",
+        "nan",
+        "99999999999999999999",
+        "inf",
+        "",
+        "(",
+        "none",
+        "4294967296",
+        "0.0000001",
+        ":",
+        "=",
+        "\n\n",
+    ];
+    for fixture in &fixtures {
+        let folder = ready(fixture);
+        for _ in 0..rounds {
+            let mut bytes = fixture.bytes.clone();
+            for _ in 0..1 + chance(3) {
+                let (at, reach) = (chance(bytes.len()), chance(40));
+                let end = (at + reach).min(bytes.len());
+                match chance(5) {
+                    0 => drop(bytes.drain(at..end)),
+                    1 => drop(bytes.splice(at..at, bytes[at..end].to_vec())),
+                    2 => bytes[at..end].iter_mut().for_each(|b| *b = chance(256) as u8),
+                    3 => {
+                        // a word becomes another
+                        let word = bytes[at..].iter().position(|b| b.is_ascii_whitespace()).unwrap_or(0);
+                        bytes.splice(at..at + word, values[chance(values.len())].bytes());
+                    }
+                    _ => {
+                        let other = &fixtures[chance(fixtures.len())].bytes;
+                        let from = chance(other.len());
+                        bytes.splice(at..end, other[from..(from + reach).min(other.len())].iter().copied());
+                    }
+                }
+            }
+            attempt(&folder, fixture, &bytes);
+        }
+    }
+}
+
 /// A damaged checksum is damage, though every sample is there.
 #[test]
 fn checksums_count() {

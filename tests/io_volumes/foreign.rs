@@ -165,6 +165,8 @@ fn nrrd_channels_stand_anywhere() {
         "9 time steps",
     );
     refused(&f, "a.nrrd", nrrd(&format!("{head}sizes: 2 2 2 2\n"), &[7; 16]), "which one holds channels");
+    let picture = "type: uchar\ndimension: 3\nencoding: raw\nsizes: 3 2 2\nkinds: RGB-color domain domain\n";
+    refused(&f, "a.nrrd", nrrd(picture, &[7; 12]), "only 2 axes in space");
 }
 
 #[test]

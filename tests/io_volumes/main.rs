@@ -5,6 +5,7 @@ mod foreign;
 mod real;
 mod round_trip;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -24,7 +25,10 @@ impl Folder {
 
     fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.path(name);
-        std::fs::write(&path, content).unwrap();
+        // over the old content: a file emptied first is flushed to the disk by some systems, which takes long
+        let mut file = std::fs::OpenOptions::new().write(true).create(true).truncate(false).open(&path).unwrap();
+        file.write_all(content.as_ref()).unwrap();
+        file.set_len(content.as_ref().len() as u64).unwrap();
         path
     }
 

@@ -167,6 +167,8 @@ fn go_through_every_format_and_back() {
             assert_eq!(back.rescale, v.rescale, "{} through {name}", f.name);
             let wanted = v.grid.in_space(back.grid.space);
             let gap = frame_gap(&back.grid, &wanted);
+            // what came from 32 bits goes into them again
+            let precision = if f.name.contains(".nii") && name.starts_with("v.nii") { 0.0 } else { precision };
             assert!(gap <= precision * frame_scale(&wanted), "{} through {name}: {gap}", f.name);
         }
     }

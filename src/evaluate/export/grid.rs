@@ -1,7 +1,6 @@
 //! Which grid the deformed volume is written on, and how its voxels lie to those of the input.
 
 use glam::{DAffine3, DMat3, DVec3};
-use rayon::prelude::*;
 
 use super::ExportError;
 use crate::math::{BackwardMap, OrientedBox};
@@ -56,7 +55,7 @@ impl Frame {
         let affine = input.voxel_from_world() * output.world_from_voxel;
         let offset = affine.translation.round();
         let deviation = (affine.matrix3 - DMat3::IDENTITY).abs() * output.size() + (affine.translation - offset).abs();
-        let aligned = deviation.max_element() < 1e3 * SNAP && offset.abs().max_element() < 1e15;
+        let aligned = deviation.max_element() < 1e3 * SNAP && offset.abs().max_element() < FAR;
         let link = if aligned {
             Link::Lattice([offset.x as i64, offset.y as i64, offset.z as i64])
         } else {
@@ -85,16 +84,20 @@ impl Frame {
     /// Displacement, in voxels of the input, of the output voxel `out` under the map. Taken as a difference in the world, so
     /// that a point the map leaves alone stays exactly where it is.
     #[inline]
-    pub fn displacement(&self, map: &(impl BackwardMap + ?Sized), out: DVec3) -> DVec3 {
+    pub fn displacement(&self, map: &dyn BackwardMap, out: DVec3) -> DVec3 {
         let p = self.world_from_out.transform_point3(out);
         self.in_from_world * (map.backward(p) - p)
     }
 
     /// Input coordinate of the output voxel `out` under the map.
     #[inline]
-    pub fn source(&self, map: &(impl BackwardMap + ?Sized), out: DVec3) -> DVec3 {
+    pub fn source(&self, map: &dyn BackwardMap, out: DVec3) -> DVec3 {
         snap(self.undisplaced(out) + self.displacement(map, out))
     }
+}
+
+pub(super) fn vector(v: [i64; 3]) -> DVec3 {
+    DVec3::new(v[0] as f64, v[1] as f64, v[2] as f64)
 }
 
 /// A box of whole voxels, both ends inside it.
@@ -109,24 +112,33 @@ impl Span {
         Self { lo: [0; 3], hi: grid.dims.map(|n| n as i64 - 1) }
     }
 
-    fn hull(self, other: Self) -> Self {
+    pub fn hull(self, other: Self) -> Self {
         Self {
             lo: std::array::from_fn(|a| self.lo[a].min(other.lo[a])),
             hi: std::array::from_fn(|a| self.hi[a].max(other.hi[a])),
         }
     }
 
+    pub fn within(self, other: &Self) -> Self {
+        Self {
+            lo: std::array::from_fn(|a| self.lo[a].max(other.lo[a])),
+            hi: std::array::from_fn(|a| self.hi[a].min(other.hi[a])),
+        }
+    }
+
+    /// Voxels along each axis.
+    pub fn edges(&self) -> [f64; 3] {
+        std::array::from_fn(|a| (self.hi[a] - self.lo[a] + 1) as f64)
+    }
+
     /// Whether the boxes share a voxel or touch.
     fn touches(&self, other: &Self) -> bool {
-        (0..3).all(|a| self.lo[a] <= other.hi[a].saturating_add(1) && other.lo[a] <= self.hi[a].saturating_add(1))
+        (0..3).all(|a| self.lo[a] <= other.hi[a] + 1 && other.lo[a] <= self.hi[a] + 1)
     }
 
     /// `None` if the count does not fit.
     pub fn voxels(&self) -> Option<u64> {
-        (0..3).try_fold(1u64, |n, a| {
-            let edge = u64::try_from(self.hi[a].checked_sub(self.lo[a])?.checked_add(1)?).ok()?;
-            n.checked_mul(edge)
-        })
+        (0..3).try_fold(1u64, |n, a| n.checked_mul(u64::try_from(self.hi[a] - self.lo[a] + 1).ok()?))
     }
 }
 
@@ -138,9 +150,16 @@ pub(super) fn span_of_box(output: &Grid, support: &OrientedBox) -> Span {
         let p = to.transform_point3(corner);
         (lo, hi) = (lo.min(p), hi.max(p));
     }
-    // `as` saturates, which is what a box beyond all grids needs
-    let whole = |v: DVec3| [v.x as i64, v.y as i64, v.z as i64];
     Span { lo: whole(lo.ceil()), hi: whole(hi.floor()) }
+}
+
+/// Voxel indices are kept within this, so that their differences and sums cannot overflow.
+const FAR: f64 = (1u64 << 41) as f64;
+
+/// NaN becomes 0.
+fn whole(v: DVec3) -> [i64; 3] {
+    let v = v.clamp(DVec3::splat(-FAR), DVec3::splat(FAR));
+    [v.x as i64, v.y as i64, v.z as i64]
 }
 
 /// The voxels of the lattice of `output` where something of `input` can be: the input's texture cube and every support
@@ -153,7 +172,6 @@ pub(super) fn reached(input: &Grid, output: &Grid, supports: &[OrientedBox]) -> 
         let p = snap(from_input.transform_point3(at));
         (lo, hi) = (lo.min(p), hi.max(p));
     }
-    let whole = |v: DVec3| [v.x as i64, v.y as i64, v.z as i64];
     let mut reached = vec![Span { lo: whole(lo.ceil()), hi: whole(hi.floor()) }];
     let mut left: Vec<Span> = supports.iter().map(|b| span_of_box(output, b)).collect();
     loop {
@@ -167,8 +185,11 @@ pub(super) fn reached(input: &Grid, output: &Grid, supports: &[OrientedBox]) -> 
     reached.into_iter().reduce(Span::hull).unwrap_or(Span { lo: [0; 3], hi: [0; 3] })
 }
 
-/// The grid before any growth.
-fn base(input: &Grid, choice: GridChoice) -> Result<Grid, ExportError> {
+/// The grid of a choice before any growth.
+///
+/// # Errors
+/// If the spacing or the grid makes no sense.
+pub(super) fn ungrown(input: &Grid, choice: GridChoice) -> Result<Grid, ExportError> {
     match choice {
         GridChoice::Same | GridChoice::SameGrown => Ok(*input),
         GridChoice::Given(grid) => Ok(Grid::new(grid.dims, grid.world_from_voxel, grid.space)?),
@@ -188,68 +209,15 @@ fn base(input: &Grid, choice: GridChoice) -> Result<Grid, ExportError> {
     }
 }
 
-/// The output grid of a choice. `holds(grid, p)` tells whether there is material at voxel coordinate `p` of the
-/// ungrown grid.
-///
-/// # Errors
-/// If the spacing or the grid makes no sense, or the grid (for a grown one: the voxels to look at) exceeds `limit` voxels.
-pub(super) fn choose(
-    input: &Grid,
-    choice: GridChoice,
-    supports: &[OrientedBox],
-    limit: u64,
-    holds: impl Fn(&Grid, DVec3) -> bool + Sync,
-) -> Result<Grid, ExportError> {
-    let base = base(input, choice)?;
-    let check = |voxels: Option<u64>| match voxels {
-        Some(n) if n <= limit => Ok(()),
-        n => Err(ExportError::TooLarge { voxels: n.unwrap_or(u64::MAX), limit }),
-    };
-    let own = Span::of(&base);
-    check(own.voxels())?;
-    let grown = matches!(choice, GridChoice::SameGrown | GridChoice::Spacing { grown: true, .. });
-    if !grown {
-        return Ok(base);
+impl GridChoice {
+    pub(super) fn grows(&self) -> bool {
+        matches!(self, Self::SameGrown | Self::Spacing { grown: true, .. })
     }
-    let candidate = own.hull(reached(input, &base, supports));
-    check(candidate.voxels())?;
-    let span = tighten(candidate, own, supports, &base, |p| holds(&base, p));
-    let dims: [usize; 3] = std::array::from_fn(|a| (span.hi[a] - span.lo[a] + 1) as usize);
-    let lo = DVec3::new(span.lo[0] as f64, span.lo[1] as f64, span.lo[2] as f64);
-    let frame =
-        DAffine3::from_mat3_translation(base.world_from_voxel.matrix3, base.world_from_voxel.transform_point3(lo));
-    Ok(Grid::new(dims, frame, base.space)?)
 }
 
-/// Takes away the outer layers of `span` that hold nothing, down to `own`.
-fn tighten(
-    mut span: Span,
-    own: Span,
-    supports: &[OrientedBox],
-    grid: &Grid,
-    holds: impl Fn(DVec3) -> bool + Sync,
-) -> Span {
-    for axis in 0..3 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let full = |span: &Span, at: i64| {
-            let (span, holds) = (*span, &holds);
-            (span.lo[v]..=span.hi[v]).into_par_iter().any(|b| {
-                (span.lo[u]..=span.hi[u]).any(|a| {
-                    let mut p = DVec3::ZERO;
-                    p[axis] = at as f64;
-                    p[u] = a as f64;
-                    p[v] = b as f64;
-                    let world = grid.world_from_voxel.transform_point3(p);
-                    supports.iter().any(|s| s.contains(world)) && holds(p)
-                })
-            })
-        };
-        while span.lo[axis] < own.lo[axis] && !full(&span, span.lo[axis]) {
-            span.lo[axis] += 1;
-        }
-        while span.hi[axis] > own.hi[axis] && !full(&span, span.hi[axis]) {
-            span.hi[axis] -= 1;
-        }
-    }
-    span
+/// The lattice of `grid` from one voxel to another.
+pub(super) fn cut(grid: &Grid, span: &Span) -> Result<Grid, ExportError> {
+    let dims: [usize; 3] = std::array::from_fn(|a| (span.hi[a] - span.lo[a] + 1) as usize);
+    let origin = grid.world_from_voxel.transform_point3(vector(span.lo));
+    Ok(Grid::new(dims, DAffine3::from_mat3_translation(grid.world_from_voxel.matrix3, origin), grid.space)?)
 }

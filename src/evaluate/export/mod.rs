@@ -25,11 +25,11 @@
 //!   [`ExportReport::clipped`]; [`GridChoice::SameGrown`] adds layers until nothing is.
 //! * Memory is the output plus some 100 KiB a thread; results do not depend on the number of threads.
 
+mod beyond;
 mod grid;
 mod kernel;
 mod run;
 mod shift;
-mod statistics;
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -39,10 +39,11 @@ use rayon::prelude::*;
 
 pub use grid::GridChoice;
 pub use kernel::{Blend, Fetch};
-pub use statistics::Statistics;
 
-use crate::math::BackwardMap;
+use crate::deform::Prepared;
+use crate::math::{BackwardMap, BlockMap, Identity};
 use crate::volume::sampling::{Interpolation, Sampler};
+use crate::volume::statistics::{Statistics, statistics, stored_statistics};
 use crate::volume::{Grid, GridError, Samples, Volume};
 use crate::with_samples;
 use grid::{Frame, Span};
@@ -84,6 +85,25 @@ impl Default for ExportOptions {
     }
 }
 
+/// A deformation that can be exported.
+///
+/// The export needs nothing beyond [`BackwardMap`]; maps that can work off many points at once say so here.
+pub trait ExportMap: BackwardMap {
+    /// An evaluator for points in the neighbourhood of `center` (world), if there is a fast one.
+    fn blocks_near(&self, center: DVec3) -> Option<Box<dyn BlockMap<f32> + '_>> {
+        let _ = center;
+        None
+    }
+}
+
+impl ExportMap for Identity {}
+
+impl ExportMap for Prepared {
+    fn blocks_near(&self, center: DVec3) -> Option<Box<dyn BlockMap<f32> + '_>> {
+        Some(Box::new(self.blocks(center)))
+    }
+}
+
 /// Called now and then, from any thread, with the done part (0 to 1); `Break` stops the work.
 pub type Progress<'a> = &'a (dyn Fn(f64) -> ControlFlow<()> + Sync);
 
@@ -102,10 +122,15 @@ pub struct ExportReport {
     /// Those whose value lies beyond the input and is the outside value.
     pub outside: u64,
     /// Material the grid does not hold: voxels of the output's lattice beyond the output in which the deformed volume has
-    /// another value than the outside value. `None` if there are too many voxels to look at.
-    pub clipped: Option<u64>,
+    /// another value than the outside value. Exact unless support boxes reach over more voxels outside the output than it
+    /// has (and a million); then it is estimated from part of them.
+    pub clipped: u64,
+    /// Of the real values.
     pub before: Statistics,
     pub after: Statistics,
+    /// Sum of the real values times the volume of a voxel, in world units.
+    pub mass_before: f64,
+    pub mass_after: f64,
     /// Wall time, in milliseconds.
     pub ms: f64,
 }
@@ -132,88 +157,70 @@ fn zeroed<T: bytemuck::Zeroable>(count: usize) -> Result<Vec<T>, ExportError> {
     bytemuck::try_zeroed_vec(count).map_err(|()| ExportError::OutOfMemory { bytes })
 }
 
-/// The parts of `region` outside `hole`, as at most six boxes.
-fn around(mut region: Span, hole: &Span) -> Vec<Span> {
-    let mut parts = Vec::new();
-    for a in (0..3).rev() {
-        if region.lo[a] < hole.lo[a] {
-            let mut part = region;
-            part.hi[a] = part.hi[a].min(hole.lo[a] - 1);
-            parts.push(part);
-        }
-        if region.hi[a] > hole.hi[a] {
-            let mut part = region;
-            part.lo[a] = part.lo[a].max(hole.hi[a] + 1);
-            parts.push(part);
-        }
-        region.lo[a] = region.lo[a].max(hole.lo[a]);
-        region.hi[a] = region.hi[a].min(hole.hi[a]);
-        if region.lo[a] > region.hi[a] {
-            break;
-        }
-    }
-    parts
+fn mass(volume: &Volume, facts: &Statistics) -> f64 {
+    let voxel = volume.grid.world_from_voxel.matrix3.determinant().abs();
+    if facts.count == 0 { 0.0 } else { facts.mean * facts.count as f64 * voxel }
 }
 
 /// The deformed volume on the chosen grid.
 ///
 /// # Errors
 /// If the grid makes no sense, is too large, or `progress` stopped the work.
-pub fn export<M: BackwardMap + ?Sized>(
+pub fn export(
     volume: &Volume,
-    map: &M,
+    map: &dyn ExportMap,
     options: &ExportOptions,
     progress: Progress<'_>,
 ) -> Result<(Volume, ExportReport), ExportError> {
     with_samples!(&volume.samples, v => typed(volume, v, map, options, progress))
 }
 
-fn typed<T: Fetch, M: BackwardMap + ?Sized>(
+fn typed<T: Fetch>(
     volume: &Volume,
     samples: &[T],
-    map: &M,
+    map: &dyn ExportMap,
     options: &ExportOptions,
     progress: Progress<'_>,
 ) -> Result<(Volume, ExportReport), ExportError> {
     let clock = Instant::now();
     let input = &volume.grid;
-    let voxel = |g: &Grid| g.world_from_voxel.matrix3.determinant().abs();
-    let facts = statistics::stored(samples);
-    let before = Statistics::new(facts, samples.len(), volume.rescale, voxel(input));
+    let facts = stored_statistics(volume);
     let outside = match options.outside {
         Some(real) => volume.rescale.stored(real),
         // the lowest real value is the highest stored one where the slope is negative
-        None if volume.channels == 1 && facts.count > 0 && volume.rescale.slope < 0.0 => facts.hi,
-        None if volume.channels == 1 && facts.count > 0 => facts.lo,
+        None if volume.channels == 1 && volume.rescale.slope < 0.0 && facts.max.is_finite() => facts.max,
+        None if volume.channels == 1 && volume.rescale.slope > 0.0 && facts.min.is_finite() => facts.min,
         None => 0.0,
     };
-    let supports = map.supports();
+    let boxes = map.supports();
+    let base = grid::ungrown(input, options.grid)?;
+    if base.len() as u64 > options.limit {
+        return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit });
+    }
     let mut job = Job {
+        input,
+        boxes: &boxes,
         sampler: Sampler::new(samples, input.dims, volume.channels),
         map,
-        frame: Frame::new(input, input),
-        supports: Supports::new(input, &supports),
+        frame: Frame::new(input, &base),
+        supports: Supports::new(&base, &boxes),
         interpolation: options.interpolation,
         precision: options.precision,
         outside: vec![T::from_f64(outside); volume.channels],
     };
-    let output = grid::choose(input, options.grid, &supports, options.limit, |base, p| {
-        let mut value = job.outside.clone();
-        let source = Frame::new(input, base).source(map, p);
-        job.sampler.sample(job.interpolation, source, &mut value) && value != job.outside
-    })?;
-    job.frame = Frame::new(input, &output);
-    job.supports = Supports::new(&output, &supports);
+    let mut output = base;
+    if options.grid.grows() {
+        let candidate = Span::of(&base).hull(grid::reached(input, &base, &boxes));
+        output = grid::cut(&base, &beyond::grow(&job, &base, candidate, options.limit)?)?;
+        job = job.on(&output);
+    }
 
     let mut result = zeroed::<T>(output.len() * volume.channels)?;
     let tally = job.fill(&output, &mut result, progress)?;
-    let after = Statistics::new(statistics::stored(&result), result.len(), volume.rescale, voxel(&output));
-    let rest = around(grid::reached(input, &output, &supports), &Span::of(&output));
-    let to_look_at = rest.iter().try_fold(0u64, |n, s| n.checked_add(s.voxels()?));
-    let clipped = to_look_at.filter(|n| *n <= options.limit).map(|_| rest.iter().map(|s| job.material(s)).sum());
-
+    let clipped = beyond::clipped(&job, &output, grid::reached(input, &output, &boxes));
     let mut made = Volume::new(output, volume.channels, T::wrap(result));
     made.rescale = volume.rescale;
+    let (before, after) = (facts.rescaled(volume.rescale), statistics(&made));
     let report = ExportReport {
         voxels: output.len() as u64,
         moved: tally.moved,
@@ -221,6 +228,8 @@ fn typed<T: Fetch, M: BackwardMap + ?Sized>(
         clipped,
         before,
         after,
+        mass_before: mass(volume, &before),
+        mass_after: mass(&made, &after),
         ms: clock.elapsed().as_secs_f64() * 1e3,
     };
     Ok((made, report))
@@ -231,11 +240,7 @@ fn typed<T: Fetch, M: BackwardMap + ?Sized>(
 ///
 /// # Errors
 /// If memory does not suffice or `progress` stopped the work.
-pub fn export_field<M: BackwardMap + ?Sized>(
-    grid: &Grid,
-    map: &M,
-    progress: Progress<'_>,
-) -> Result<Volume, ExportError> {
+pub fn export_field(grid: &Grid, map: &dyn BackwardMap, progress: Progress<'_>) -> Result<Volume, ExportError> {
     let [nx, ny, nz] = grid.dims;
     let supports = Supports::new(grid, &map.supports());
     let mut field = zeroed::<f32>(grid.len() * 3)?;

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::grid::{Frame, Link, Span};
 use super::kernel::{Fetch, ROW, Scratch, Window};
 use super::shift::{Block, EDGE, Shifts, Supports};
-use super::{ExportError, Precision, Progress};
-use crate::math::BackwardMap;
+use super::{ExportError, ExportMap, Precision, Progress};
+use crate::math::OrientedBox;
 use crate::volume::Grid;
 use crate::volume::sampling::{Interpolation, Sampler};
 
@@ -61,9 +61,12 @@ impl<'a> Watch<'a> {
 }
 
 /// Everything the voxels of an output need.
-pub(super) struct Job<'a, T, M: ?Sized> {
+pub(super) struct Job<'a, T> {
+    pub input: &'a Grid,
+    /// The support boxes of the map, in the world.
+    pub boxes: &'a [OrientedBox],
     pub sampler: Sampler<'a, T>,
-    pub map: &'a M,
+    pub map: &'a dyn ExportMap,
     pub frame: Frame,
     pub supports: Supports,
     pub interpolation: Interpolation,
@@ -80,7 +83,7 @@ struct Work<T> {
     row: Vec<T>,
 }
 
-impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
+impl<T: Fetch> Job<'_, T> {
     fn work(&self) -> Work<T> {
         Work {
             shifts: Shifts::new(),
@@ -94,10 +97,9 @@ impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
     pub fn fill(&self, output: &Grid, samples: &mut [T], progress: Progress<'_>) -> Result<Tally, ExportError> {
         let [nx, ny, nz] = output.dims;
         let channels = self.sampler.channels();
-        let slab = EDGE * nx * ny * channels;
         let watch = Watch::new(progress, nz.div_ceil(EDGE));
         let tally = samples
-            .par_chunks_mut(slab)
+            .par_chunks_mut(EDGE * nx * ny * channels)
             .enumerate()
             .map_init(
                 || self.work(),
@@ -107,12 +109,7 @@ impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
                         return tally;
                     }
                     let bottom = index * EDGE;
-                    let depth = EDGE.min(nz - bottom);
-                    let span = Span {
-                        lo: [0, 0, bottom as i64],
-                        hi: [nx as i64 - 1, ny as i64 - 1, (bottom + depth) as i64 - 1],
-                    };
-                    self.blocks(&span, work, &mut tally, |i, j, k, row| {
+                    self.blocks(&slab(output.dims, index), work, &mut tally, |i, j, k, row| {
                         let at = (((k as usize - bottom) * ny + j as usize) * nx + i as usize) * channels;
                         chunk[at..at + row.len()].copy_from_slice(row);
                     });
@@ -128,29 +125,42 @@ impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
         Ok(tally)
     }
 
-    /// Voxels in `region`, on the lattice of the output, that hold something other than the outside value.
-    pub fn material(&self, region: &Span) -> u64 {
-        let [lo, hi] = [region.lo[2], region.hi[2]];
-        let slabs = (hi - lo + 1).max(0) as usize;
-        (0..slabs.div_ceil(EDGE))
+    /// The same volume and map on another grid.
+    pub fn on(&self, output: &Grid) -> Self {
+        let frame = Frame::new(self.input, output);
+        let supports = Supports::new(output, self.boxes);
+        Self { frame, supports, outside: self.outside.clone(), ..*self }
+    }
+
+    /// How many voxels of the grid, of these dimensions, hold something other than the outside value, and the box around
+    /// them.
+    pub fn material(&self, dims: [usize; 3]) -> (u64, Option<Span>) {
+        let channels = self.sampler.channels();
+        let join = |a: (u64, Option<Span>), b: (u64, Option<Span>)| {
+            let span = match (a.1, b.1) {
+                (Some(a), Some(b)) => Some(a.hull(b)),
+                (a, b) => a.or(b),
+            };
+            (a.0 + b.0, span)
+        };
+        (0..dims[2].div_ceil(EDGE))
             .into_par_iter()
             .map_init(
                 || self.work(),
                 |work, index| {
-                    let bottom = lo + (index * EDGE) as i64;
-                    let span = Span {
-                        lo: [region.lo[0], region.lo[1], bottom],
-                        hi: [region.hi[0], region.hi[1], hi.min(bottom + EDGE as i64 - 1)],
-                    };
-                    let mut count = 0;
-                    self.blocks(&span, work, &mut Tally::default(), |_, _, _, row| {
-                        let differs = |v: &&[T]| v.iter().zip(&self.outside).any(|(a, b)| a != b);
-                        count += row.chunks_exact(self.sampler.channels()).filter(differs).count() as u64;
+                    let mut found = (0, None);
+                    let slab = slab(dims, index);
+                    self.blocks(&slab, work, &mut Tally::default(), |i, j, k, row| {
+                        let differs = |v: &[T]| v.iter().zip(&self.outside).any(|(a, b)| a != b);
+                        for (l, _) in row.chunks_exact(channels).enumerate().filter(|(_, v)| differs(v)) {
+                            let at = [i + l as i64, j, k];
+                            found = join(found, (1, Some(Span { lo: at, hi: at })));
+                        }
                     });
-                    count
+                    found
                 },
             )
-            .sum()
+            .reduce(|| (0, None), join)
     }
 
     /// Hands every row of every block in a slab (at most [`EDGE`] layers) to the sink as `(i, j, k, samples)`.
@@ -163,7 +173,7 @@ impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
                 if self.precision == Precision::Reference {
                     self.reference(&block, work, tally, &mut sink);
                 } else if self.supports.touch(&block) {
-                    work.shifts.interpolated(&self.frame, self.map, &self.supports, &block);
+                    work.shifts.fill(&self.frame, self.map, &self.supports, &block);
                     self.displaced(&block, true, work, tally, &mut sink);
                 } else if let Link::Lattice(offset) = self.frame.link {
                     self.copy(&block, offset, work, tally, &mut sink);
@@ -308,6 +318,13 @@ impl<'a, T: Fetch, M: BackwardMap + ?Sized> Job<'a, T, M> {
         }
         outside
     }
+}
+
+/// The layers of one parallel piece of a grid.
+fn slab(dims: [usize; 3], index: usize) -> Span {
+    let bottom = index * EDGE;
+    let top = (bottom + EDGE).min(dims[2]);
+    Span { lo: [0, 0, bottom as i64], hi: [dims[0] as i64 - 1, dims[1] as i64 - 1, top as i64 - 1] }
 }
 
 fn moved(shift: &[[f32; ROW]; 3], count: usize) -> u64 {

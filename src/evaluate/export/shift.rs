@@ -11,13 +11,17 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::ExportMap;
 use super::grid::{Frame, Span, snap};
 use super::kernel::ROW;
-use crate::math::{BackwardMap, OrientedBox};
+use crate::math::{self, BackwardMap, BlockMap, OrientedBox};
 use crate::volume::Grid;
 
 /// Rows of a block along j and k.
 pub(super) const EDGE: usize = 8;
+
+/// Rows that fill a block of points.
+const ROWS_IN_POINTS: usize = math::BLOCK / ROW;
 
 /// Greatest error, in voxels, that interpolation of the map may have. It must show a quarter of that at the checks.
 pub(super) const TOLERANCE: f64 = 1e-3;
@@ -104,6 +108,7 @@ impl Supports {
 /// Displacements of a block: `[row][axis][voxel]`, row `k * EDGE + j`.
 pub(super) struct Shifts {
     pub rows: Vec<[[f32; ROW]; 3]>,
+    points: math::Block<f32>,
     /// `node[axis][z][y][x]` of one cell, and its Lagrange weights at whole voxels.
     node: [[[[f64; 4]; 4]; 4]; 3],
     weights: [[f64; 4]; EDGE],
@@ -146,17 +151,75 @@ impl Shifts {
     pub fn new() -> Self {
         Self {
             rows: vec![[[0.0; ROW]; 3]; EDGE * EDGE],
+            points: math::Block::default(),
             node: [[[[0.0; 4]; 4]; 4]; 3],
             weights: std::array::from_fn(|i| lagrange(i as f64 / NODE_STEP)),
         }
     }
 
+    /// By the way that suits the map.
+    pub fn fill(&mut self, frame: &Frame, map: &dyn ExportMap, supports: &Supports, block: &Block) {
+        let center = frame.world_from_out.transform_point3(block.middle().0);
+        match map.blocks_near(center) {
+            Some(blocks) => self.in_blocks(frame, blocks.as_ref(), block),
+            None => self.interpolated(frame, map, supports, block),
+        }
+    }
+
+    /// The map at every voxel in `f32`, as many rows at a time as fill a block of points.
+    fn in_blocks(&mut self, frame: &Frame, map: &dyn BlockMap<f32>, block: &Block) {
+        let world = frame.world_from_out;
+        let first = world.transform_point3(block.first()) - map.center();
+        let step = world.matrix3.x_axis;
+        let in_from_world = frame.in_from_world.as_mat3();
+        let rows = block.size[1] * block.size[2];
+        let Self { rows: shifts, points, .. } = self;
+        for pack in (0..rows).step_by(ROWS_IN_POINTS) {
+            // beyond the last row, the last row again
+            let row = |r: usize| {
+                let r = (pack + r).min(rows - 1);
+                (r % block.size[1], r / block.size[1])
+            };
+            let start: [DVec3; ROWS_IN_POINTS] = std::array::from_fn(|r| {
+                let (j, k) = row(r);
+                first + world.matrix3.y_axis * j as f64 + world.matrix3.z_axis * k as f64
+            });
+            let place = |axis: &mut [f32; math::BLOCK], a: usize| {
+                for (line, s) in axis.chunks_exact_mut(ROW).zip(&start) {
+                    let (from, by) = (s[a] as f32, step[a] as f32);
+                    for (l, x) in line.iter_mut().enumerate() {
+                        *x = from + by * l as f32;
+                    }
+                }
+            };
+            place(&mut points.x, 0);
+            place(&mut points.y, 1);
+            place(&mut points.z, 2);
+            map.backward_block(points);
+            for (r, s) in start.iter().enumerate() {
+                let (j, k) = row(r);
+                let shift = &mut shifts[k * EDGE + j];
+                let at = r * ROW..(r + 1) * ROW;
+                let moved = [&points.x[at.clone()], &points.y[at.clone()], &points.z[at]];
+                for l in 0..ROW {
+                    // the same expression as above, so that a point left alone has a displacement of exactly zero
+                    let d = |a: usize| moved[a][l] - (s[a] as f32 + step[a] as f32 * l as f32);
+                    let d = [d(0), d(1), d(2)];
+                    for (a, shift) in shift.iter_mut().enumerate() {
+                        let m = &in_from_world;
+                        shift[l] = m.x_axis[a] * d[0] + m.y_axis[a] * d[1] + m.z_axis[a] * d[2];
+                    }
+                }
+            }
+        }
+    }
+
     /// The map at every voxel.
-    pub fn exact(&mut self, frame: &Frame, map: &(impl BackwardMap + ?Sized), block: &Block) {
+    fn exact(&mut self, frame: &Frame, map: &dyn BackwardMap, block: &Block) {
         self.exact_cell(frame, map, block, 0, block.size[0]);
     }
 
-    fn exact_cell(&mut self, frame: &Frame, map: &(impl BackwardMap + ?Sized), block: &Block, from: usize, to: usize) {
+    fn exact_cell(&mut self, frame: &Frame, map: &dyn BackwardMap, block: &Block, from: usize, to: usize) {
         for k in 0..block.size[2] {
             for j in 0..block.size[1] {
                 let row = &mut self.rows[k * EDGE + j];
@@ -171,13 +234,7 @@ impl Shifts {
     }
 
     /// The map interpolated where that is accurate, exact elsewhere.
-    pub fn interpolated(
-        &mut self,
-        frame: &Frame,
-        map: &(impl BackwardMap + ?Sized),
-        supports: &Supports,
-        block: &Block,
-    ) {
+    fn interpolated(&mut self, frame: &Frame, map: &dyn BackwardMap, supports: &Supports, block: &Block) {
         if !supports.coarse_enough(block) {
             return self.exact(frame, map, block);
         }

@@ -27,6 +27,7 @@ const EYES: usize = 14;
 const LENSES: usize = 15;
 const NERVES: usize = 16;
 const CARTILAGE: usize = 17;
+const OPENINGS: usize = 18;
 
 /// Hounsfield units of the materials.
 pub mod hu {
@@ -71,6 +72,7 @@ impl Head {
             Shape::new(3.0).pair(0.0, ellipsoid(EYE + v(0.0, -8.5, 0.0), v(4.6, 2.3, 4.6))),
             nerves(),
             cartilage(),
+            openings(),
         ];
         Self { shapes }
     }
@@ -91,6 +93,7 @@ fn skin() -> Shape {
         .add(20.0, ellipsoid(v(0.0, -40.0, -28.0), v(57.0, 54.0, 62.0)))
         // neck: column, throat, nape, shoulders' beginning
         .pair(18.0, ellipsoid(v(38.0, 2.0, -18.0), v(33.0, 52.0, 40.0)))
+        .pair(14.0, cone(v(51.0, -54.0, -22.0), v(59.0, -6.0, -18.0), 12.0, 12.0))
         .add(18.0, ellipsoid(v(0.0, 42.0, -12.0), v(54.0, 49.0, 40.0)))
         .add(24.0, cone(v(0.0, 30.0, -40.0), v(0.0, 36.0, -180.0), 49.0, 50.0))
         .add(16.0, cone(v(0.0, -10.0, -112.0), v(0.0, -8.0, -180.0), 17.0, 22.0))
@@ -102,27 +105,29 @@ fn skin() -> Shape {
         .pair(14.0, cone(v(47.0, -26.0, -76.0), v(17.0, -82.0, -98.0), 14.0, 13.0))
         .add(14.0, ellipsoid(v(0.0, -86.0, -100.0), v(19.0, 16.0, 14.0)))
         .add(14.0, ellipsoid(v(0.0, -46.0, -88.0), v(40.0, 44.0, 20.0)))
-        .pair(18.0, turned_ellipsoid(v(45.0, -65.0, -20.0), v(19.0, 19.0, 13.0), turn(0.0, 0.0, 35.0)))
-        .pair(20.0, ellipsoid(v(33.0, -66.0, -50.0), v(22.0, 25.0, 26.0)))
+        .pair(18.0, turned_ellipsoid(v(43.0, -65.0, -20.0), v(18.0, 18.0, 13.0), turn(0.0, 0.0, 35.0)))
+        .pair(20.0, ellipsoid(v(35.0, -60.0, -50.0), v(25.0, 30.0, 29.0)))
         .add(12.0, ellipsoid(v(0.0, -77.0, -66.0), v(28.0, 25.5, 23.0)))
+        .pair(16.0, ellipsoid(v(42.0, -50.0, 12.0), v(23.0, 28.0, 26.0)))
         // brows, sockets, lids
-        .pair(12.0, cone(v(9.0, -92.0, 16.0), v(28.0, -92.0, 21.0), 7.0, 6.0))
-        .pair(14.0, cone(v(28.0, -92.0, 21.0), v(48.0, -72.0, 14.0), 6.0, 7.0))
+        .pair(12.0, cone(v(9.0, -91.5, 18.5), v(28.0, -91.5, 21.0), 6.5, 6.0))
+        .pair(16.0, cone(v(28.0, -91.5, 21.0), v(51.0, -66.0, 10.0), 6.0, 5.0))
         .cut_pair(14.0, turned_ellipsoid(v(31.0, -101.0, 2.0), v(19.0, 14.0, 10.5), turn(0.0, 0.0, 18.0)))
         .pair(6.0, ellipsoid(EYE, v(15.0, 14.6, 13.2)))
         // nose
         .add(9.0, cone(v(0.0, -90.0, 12.0), v(0.0, -99.0, -8.0), 6.0, 6.2))
         .add(7.0, cone(v(0.0, -99.0, -8.0), v(0.0, -111.5, -34.0), 6.2, 9.2))
+        .pair(10.0, cone(v(4.5, -92.0, -6.0), v(9.0, -97.0, -34.0), 5.0, 6.5))
         .pair(8.0, turned_ellipsoid(v(10.5, -103.0, -38.5), v(6.2, 9.5, 7.2), turn(-15.0, 0.0, -12.0)))
-        .add(5.0, cone(v(0.0, -112.0, -40.0), v(0.0, -101.0, -46.0), 4.0, 4.0))
+        .add(5.0, cone(v(0.0, -111.0, -38.5), v(0.0, -100.0, -45.0), 4.4, 4.0))
         .cut_pair(2.5, turned_ellipsoid(v(6.6, -108.0, -47.5), v(3.2, 6.5, 5.0), turn(0.0, 0.0, -18.0)))
         // lips
         .pair(5.0, cone(v(4.0, -101.5, -62.5), v(14.0, -98.5, -64.0), 4.6, 4.2))
         .pair(4.0, cone(v(14.0, -98.5, -64.0), v(25.0, -89.5, -68.0), 4.2, 2.5))
-        .pair(5.0, cone(v(0.0, -99.0, -73.5), v(12.0, -96.8, -73.0), 6.0, 5.4))
-        .pair(4.0, cone(v(12.0, -96.8, -73.0), v(24.0, -89.5, -69.0), 5.4, 2.5))
+        .pair(5.0, cone(v(0.0, -99.0, -73.5), v(12.0, -96.8, -72.6), 5.4, 4.9))
+        .pair(4.0, cone(v(12.0, -96.8, -72.6), v(24.0, -89.5, -68.4), 4.9, 2.5))
         .cut_pair(2.0, cone(v(0.0, -107.0, -68.0), v(13.0, -103.0, -67.6), 1.1, 1.0))
-        .cut_pair(2.0, cone(v(13.0, -103.0, -67.6), v(27.5, -91.5, -69.2), 1.0, 0.9))
+        .cut_pair(2.0, cone(v(13.0, -103.0, -67.6), v(27.5, -91.0, -67.8), 1.0, 0.9))
         .cut(5.0, cone(v(0.0, -108.5, -51.0), v(0.0, -108.0, -59.0), 2.0, 2.4))
         .cut_pair(9.0, cone(v(0.0, -106.0, -84.5), v(15.0, -101.0, -83.5), 4.5, 4.0))
         // a crease between the closed lids
@@ -146,14 +151,14 @@ fn ears(mut s: Shape) -> Shape {
             (at(3.8, b, u), 2.9)
         })
         .collect();
-    s = s.chain(3.0, true, &helix);
+    s = s.chain(1.0, true, &helix);
     let antihelix: Vec<(Vec3, f32)> = (0..=5)
         .map(|i| {
             let a = (100.0f32 - 170.0 * i as f32 / 5.0).to_radians();
             (at(3.0, 6.0 + 10.0 * a.cos(), 1.0 + 15.0 * a.sin()), 2.2)
         })
         .collect();
-    s = s.chain(3.5, true, &antihelix);
+    s = s.chain(1.2, true, &antihelix);
     s.pair(3.0, ball(at(2.5, -4.5, -6.0), 3.8)).pair(2.5, ball(at(3.0, 4.5, -16.0), 3.2))
 }
 
@@ -170,8 +175,7 @@ fn skull() -> Shape {
         // base: clivus, petrous bones, mastoids, condyles
         .add(8.0, cone(v(0.0, -28.0, -12.0), v(0.0, 14.0, -30.0), 13.0, 9.0))
         .pair(6.0, cone(v(54.0, 16.0, -20.0), v(53.0, 17.0, -46.0), 12.0, 6.0))
-        .pair(5.0, cone(v(16.0, 22.0, -34.0), v(14.0, 28.0, -42.0), 7.0, 6.0))
-        .add(6.0, cone(v(0.0, 88.0, 6.0), v(0.0, 86.0, 0.0), 5.0, 4.0));
+        .pair(5.0, cone(v(16.0, 22.0, -34.0), v(14.0, 28.0, -42.0), 7.0, 6.0));
     s = cavity_cut(s)
         .pair(6.0, cone(v(54.0, 8.0, -16.0), v(14.0, -6.0, -18.0), 10.0, 6.0))
         .pair(5.0, cone(v(10.0, -36.0, 2.0), v(46.0, -46.0, 8.0), 4.0, 3.0))
@@ -208,14 +212,15 @@ fn skull() -> Shape {
             true,
             &[
                 (v(47.0, -68.0, -20.0), 6.5),
-                (v(58.0, -52.0, -21.0), 4.4),
-                (v(64.5, -32.0, -20.0), 3.4),
-                (v(65.5, -12.0, -16.0), 3.6),
+                (v(57.0, -52.0, -21.0), 4.4),
+                (v(62.5, -32.0, -20.0), 3.4),
+                (v(63.5, -12.0, -16.0), 3.6),
                 (v(60.0, 2.0, -11.0), 5.5),
             ],
         )
         // upper jaw, palate, pterygoids
-        .pair(9.0, ellipsoid(v(23.0, -68.0, -36.0), v(19.0, 19.0, 20.0)))
+        .pair(12.0, ellipsoid(v(21.0, -66.0, -38.0), v(16.5, 20.0, 18.0)))
+        .pair(10.0, cone(v(43.0, -66.0, -24.0), v(27.0, -60.0, -48.0), 6.0, 5.0))
         .pair(6.0, cone(v(19.0, -42.0, -24.0), v(18.0, -42.0, -54.0), 6.0, 3.5))
         .add(5.0, cuboid(v(0.0, -64.0, -49.0), v(20.0, 26.0, 2.6), 2.0))
         .add(6.0, cone(v(0.0, -88.0, -46.0), v(0.0, -88.0, -52.0), 4.0, 5.0));
@@ -393,8 +398,7 @@ fn spine() -> Shape {
 fn air() -> Shape {
     let s = Shape::new(3.0)
         // nose to throat
-        .pair(0.0, turned_ellipsoid(v(6.6, -106.0, -47.0), v(2.8, 6.0, 7.0), turn(0.0, 0.0, -18.0)))
-        .pair(3.0, cone(v(5.5, -100.0, -40.0), v(5.5, -88.0, -36.0), 4.0, 5.0))
+        .pair(0.0, cone(v(5.5, -100.0, -40.0), v(5.5, -88.0, -36.0), 4.0, 5.0))
         .pair(3.0, cone(v(5.6, -88.0, -36.0), v(6.2, -18.0, -36.0), 5.2, 6.6))
         .pair(3.0, cone(v(3.6, -88.0, -22.0), v(3.8, -44.0, -18.0), 2.6, 3.0))
         .add(5.0, cone(v(0.0, -8.0, -34.0), v(0.0, 0.0, -60.0), 9.0, 8.0))
@@ -404,14 +408,20 @@ fn air() -> Shape {
         // a sliver between tongue and palate
         .add(3.0, ellipsoid(v(0.0, -58.0, -55.5), v(19.0, 26.0, 2.4)))
         .add(4.0, cone(v(0.0, -32.0, -57.0), v(0.0, -4.0, -70.0), 2.5, 4.0))
-        // sinuses and ear canals
+        // sinuses, inner end of the ear canals
         .pair(1.0, ellipsoid(v(26.0, -66.0, -33.0), v(11.0, 14.0, 12.5)))
         .pair(1.0, ellipsoid(v(8.0, -81.5, 23.0), v(7.2, 2.3, 7.2)))
         .pair(1.0, ellipsoid(v(7.0, -30.0, -11.0), v(5.2, 8.7, 6.7)))
         .pair(1.0, ellipsoid(v(8.5, -62.0, -6.0), v(3.2, 17.0, 8.0)))
-        .pair(2.0, cone(v(80.0, 8.0, -17.0), v(66.0, 3.0, -16.0), 3.6, 3.2))
         .pair(1.0, cone(v(66.0, 3.0, -16.0), v(46.0, 2.0, -15.0), 3.2, 3.0));
     cut_neck(s, 0.0)
+}
+
+/// Nostrils and ear canals: air that breaks through the skin.
+fn openings() -> Shape {
+    Shape::new(3.0)
+        .pair(0.0, turned_ellipsoid(v(6.6, -106.0, -47.0), v(2.8, 6.0, 7.0), turn(0.0, 0.0, -18.0)))
+        .pair(1.0, cone(v(80.0, 8.0, -17.0), v(66.0, 3.0, -16.0), 3.6, 3.2))
 }
 
 fn muscle() -> Shape {
@@ -436,25 +446,25 @@ fn muscle() -> Shape {
 }
 
 fn cerebrum() -> Shape {
-    Shape::new(22.0)
-        .fold(0.4)
-        .pair(0.0, ellipsoid(v(25.0, -36.0, 34.0), v(25.0, 43.0, 41.0)))
-        .pair(10.0, ellipsoid(v(29.0, 12.0, 48.0), v(31.0, 64.0, 54.0)))
-        .pair(8.0, ellipsoid(v(25.0, 54.0, 32.0), v(25.0, 32.0, 36.0)))
-        // the temporal lobe, under a deep fissure
-        .cut_pair(4.0, turned_cuboid(v(56.0, -22.0, 16.0), v(16.0, 34.0, 0.6), 0.5, turn(14.0, 0.0, 0.0)))
-        .pair(3.0, turned_ellipsoid(v(41.0, -12.0, 0.0), v(18.0, 36.0, 17.0), turn(12.0, 0.0, 0.0)))
+    cavity(-2.6, Shape::new(22.0).fold(0.4))
+        // the temporal lobe lies under a deep fissure
+        .cut_pair(4.0, turned_cuboid(v(58.0, -24.0, 14.0), v(18.0, 32.0, 0.8), 0.5, turn(14.0, 0.0, 0.0)))
+        .cut_pair(5.0, turned_cuboid(v(40.0, -62.0, -6.0), v(40.0, 20.0, 7.0), 4.0, turn(-12.0, 0.0, 0.0)))
+        // cisterns around the stem, tentorium
+        .cut(6.0, ellipsoid(v(0.0, 0.0, -8.0), v(17.0, 24.0, 20.0)))
+        .cut(4.0, ellipsoid(v(0.0, 46.0, -16.0), v(62.0, 42.0, 26.0)))
         // between the hemispheres, down to the corpus callosum
         .cut(2.0, cuboid(v(0.0, 0.0, 98.0), v(1.1, 120.0, 46.0), 0.5))
-        .cut(2.0, cuboid(v(0.0, -70.0, 60.0), v(1.1, 36.0, 60.0), 0.5))
+        .cut(2.0, cuboid(v(0.0, -70.0, 60.0), v(1.1, 36.0, 80.0), 0.5))
         .cut(2.0, cuboid(v(0.0, 90.0, 40.0), v(1.1, 46.0, 50.0), 0.5))
-        .keep(4.0, ellipsoid(v(0.0, 8.0, 40.0), v(61.0, 76.5, 63.0)))
 }
 
 fn cerebellum() -> Shape {
     Shape::new(14.0)
-        .pair(0.0, ellipsoid(v(23.0, 48.0, -9.0), v(24.0, 27.0, 18.0)))
-        .add(6.0, ellipsoid(v(0.0, 46.0, -6.0), v(8.0, 24.0, 16.0)))
+        .fold(3.0)
+        .pair(0.0, ellipsoid(v(20.0, 44.0, -11.0), v(25.0, 29.0, 18.0)))
+        .add(6.0, ellipsoid(v(0.0, 46.0, -8.0), v(9.0, 25.0, 16.0)))
+        .keep(2.0, ellipsoid(v(0.0, 40.0, -8.0), v(45.0, 35.0, 20.0)))
 }
 
 fn stem() -> Shape {
@@ -571,7 +581,9 @@ impl Model for Head {
         if stem < w {
             x = mix(x, hu::WHITE + 4.0, cover(stem, w));
         }
-        let air = cover(at.d(AIR, p), w);
+        // mucosa and skin close the cavities but at the openings
+        let air = at.d(AIR, p).max(skin + 2.5).min(at.d(OPENINGS, p));
+        let air = cover(air, w);
         x = mix(x, hu::AIR, air);
         for (id, rind) in [(SKULL, 1.9), (JAW, 2.4), (SPINE, 1.4)] {
             let d = at.d(id, p);

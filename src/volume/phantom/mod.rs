@@ -115,7 +115,7 @@ impl Phantom {
             Self::Head => s("ct-head", -300.0, 32.0, 8.0),
             Self::Engine => s("engine", 90.0, 35.0, 28.0),
             Self::Orange => s("orange", 60.0, 25.0, 30.0),
-            Self::Carp => s("carp", 700.0, 12.0, 10.0),
+            Self::Carp => s("carp", 600.0, 70.0, 12.0),
             Self::Torso => s("ct-bone", 250.0, 25.0, 8.0),
             Self::MarschnerLobb => s("grey", 0.5, 30.0, 35.0),
             Self::Ramp => s("grey", 0.5, 30.0, 20.0),

@@ -3,8 +3,8 @@
 //! # Theory
 //!
 //! Otsu's criterion (1979) with two thresholds splits the histogram into background, body and core, by the largest variance
-//! between the classes of `sqrt(count)`: the root keeps a huge background from outvoting the rest. The background becomes clear, the body a veil whose opacity falls with
-//! the number of its voxels, the core solid.
+//! between the classes of `sqrt(count)`: the root keeps a huge background from outvoting the rest. The background becomes
+//! clear, the body a veil whose opacity falls with the number of its voxels, the core solid.
 
 use super::{ControlPoint, TransferFunction, Window};
 
@@ -20,24 +20,19 @@ fn points(low: f32, high: f32, veil: f32) -> Vec<ControlPoint> {
     let edge = (0.25 * (high - low)).min(0.5 * low).max(1e-3);
     let rise = (0.2 * (1.0 - high)).max(1e-3);
     vec![
-        at(0.0, [0.55, 0.40, 0.34], 0.0),
-        at(low - 0.5 * edge, [0.68, 0.48, 0.39], 0.0),
-        at(low + 0.5 * edge, [0.85, 0.64, 0.53], veil),
-        at(high - 0.15 * (high - low), [0.80, 0.56, 0.45], 0.5 * veil),
-        at(high + rise, [0.93, 0.85, 0.71], 0.5),
+        at(0.0, [0.52, 0.42, 0.36], 0.0),
+        at(low - 0.5 * edge, [0.64, 0.51, 0.42], 0.0),
+        at(low + 0.5 * edge, [0.85, 0.69, 0.56], veil),
+        at(high - 0.15 * (high - low), [0.80, 0.61, 0.48], 0.5 * veil),
+        at(high + rise, [0.94, 0.87, 0.74], 0.5),
         at(1.0, [1.0, 0.98, 0.93], 0.95),
     ]
 }
 
-/// `counts` in equal bins over `range`; without usable counts, a plain ramp.
-pub fn from_histogram(range: [f64; 2], counts: &[u64]) -> TransferFunction {
-    let name = "auto".to_owned();
-    let [lo, hi] = Window::Auto.resolve(range);
-    let Some((low, high, veil)) = thresholds(counts) else {
-        return TransferFunction { name, window: Window::Auto, points: ramp() };
-    };
-    let _ = (lo, hi);
-    TransferFunction { name, window: Window::Auto, points: points(low, high, veil) }
+/// `counts` in equal bins over the volume's range; without usable counts, a plain ramp.
+pub fn from_histogram(counts: &[u64]) -> TransferFunction {
+    let points = thresholds(counts).map_or_else(ramp, |(low, high, veil)| points(low, high, veil));
+    TransferFunction { name: "auto".to_owned(), window: Window::Auto, points }
 }
 
 /// Fractions of the range where the body and the core begin, and the body's opacity.

@@ -1,0 +1,183 @@
+//! The arguments of a picture, shared by the verbs that draw.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+
+use crate::evaluate::picture::{Backend, Mode, Refinement, ViewOptions};
+use crate::scene::{Document, ProxySource, ShadingSpec};
+
+/// Which renderer or resampler does the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum BackendArg {
+    /// The GPU if there is a hardware one, else the CPU.
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+impl From<BackendArg> for Backend {
+    fn from(b: BackendArg) -> Self {
+        match b {
+            BackendArg::Auto => Self::Auto,
+            BackendArg::Cpu => Self::Cpu,
+            BackendArg::Gpu => Self::Gpu,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum ModeArg {
+    /// Displaced texture coordinates on an adaptive subdivision of each slice.
+    Slicing,
+    /// The backward map for every fragment: the reference for the subdivision.
+    SlicingExact,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum ShadingArg {
+    /// Emission and absorption through the transfer function.
+    Volume,
+    /// The lit surface of one value.
+    Iso,
+    /// Maximum intensity.
+    Mip,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum GradientArg {
+    Central,
+    /// Forward differences towards the light.
+    Forward,
+}
+
+/// How a picture is taken; what is not given comes from the project.
+#[derive(Debug, clap::Args)]
+pub struct ViewArgs {
+    /// The mesh that gives the shape: a file, `box`, `auto` or `auto:VALUE` (a hull around all at or above VALUE).
+    #[arg(long, value_name = "M")]
+    mesh: Option<String>,
+    #[arg(long, value_enum, default_value = "slicing")]
+    mode: ModeArg,
+    #[arg(long, value_enum)]
+    shading: Option<ShadingArg>,
+    /// Isovalue, in the volume's real values (implies --shading iso).
+    #[arg(long, value_name = "V", allow_negative_numbers = true)]
+    iso: Option<f64>,
+    /// Width and height in pixels.
+    #[arg(long, value_name = "WxH", default_value = "768x768", value_parser = parse_size)]
+    size: (u32, u32),
+    /// Number of slices (default: one per finest voxel).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    slices: Option<u32>,
+    /// Fixed depth of the 1 -> 4 subdivision inside displacement volumes, 0 to 8 (default: by --tolerance).
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=8))]
+    subdivision: Option<u8>,
+    /// Largest error of the displaced coordinate, in voxels.
+    #[arg(long, value_name = "T", default_value_t = 0.25)]
+    tolerance: f64,
+    /// Degrees round the vertical axis, from the front.
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    yaw: Option<f64>,
+    /// Degrees above the horizon.
+    #[arg(long, value_name = "B", allow_negative_numbers = true)]
+    pitch: Option<f64>,
+    #[arg(long, value_name = "Z")]
+    zoom: Option<f64>,
+    /// Preset (such as ct-bone; a wrong name lists them), file, or `auto`.
+    #[arg(long, value_name = "NAME|FILE")]
+    transfer: Option<String>,
+    /// Without light.
+    #[arg(long)]
+    unlit: bool,
+    #[arg(long, value_enum)]
+    gradient: Option<GradientArg>,
+    /// Parallel projection.
+    #[arg(long)]
+    orthographic: bool,
+    /// Leave the background transparent.
+    #[arg(long)]
+    transparent: bool,
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendArg,
+}
+
+impl ViewArgs {
+    /// Puts what was given into the document.
+    pub fn apply(&self, document: &mut Document) -> Result<ViewOptions> {
+        if let Some(word) = &self.mesh {
+            document.proxy = parse_proxy(word)?;
+        }
+        match (self.shading, self.iso) {
+            (None | Some(ShadingArg::Iso), Some(v)) => document.look.shading = ShadingSpec::Iso { value: Some(v) },
+            (Some(ShadingArg::Iso), None) => document.look.shading = ShadingSpec::Iso { value: None },
+            (Some(ShadingArg::Volume), None) => document.look.shading = ShadingSpec::Volume,
+            (Some(ShadingArg::Mip), None) => document.look.shading = ShadingSpec::Mip,
+            (None, None) => {}
+            (Some(_), Some(_)) => bail!("--iso goes with --shading iso only"),
+        }
+        for (name, v) in [("--yaw", self.yaw), ("--pitch", self.pitch), ("--zoom", self.zoom), ("--iso", self.iso)] {
+            if v.is_some_and(|v| !v.is_finite()) {
+                bail!("{name} must be a finite number");
+            }
+        }
+        if self.zoom.is_some_and(|z| !(1e-3..=1e3).contains(&z)) {
+            bail!("--zoom must lie between 0.001 and 1000");
+        }
+        if !(self.tolerance.is_finite() && self.tolerance > 0.0) {
+            bail!("--tolerance must be above 0 voxels");
+        }
+        let camera = &mut document.camera;
+        camera.yaw = self.yaw.unwrap_or(camera.yaw);
+        camera.pitch = self.pitch.unwrap_or(camera.pitch);
+        camera.zoom = self.zoom.unwrap_or(camera.zoom);
+        if self.orthographic {
+            camera.fov_y = None;
+        }
+        if let Some(name) = &self.transfer {
+            document.transfer.clone_from(name);
+        }
+        if self.unlit {
+            document.look.lit = false;
+        }
+        if let Some(g) = self.gradient {
+            document.look.forward_gradient = g == GradientArg::Forward;
+        }
+        Ok(ViewOptions {
+            size: self.size,
+            slices: self.slices.map(|n| n as usize),
+            mode: match self.mode {
+                ModeArg::Slicing => Mode::Slicing,
+                ModeArg::SlicingExact => Mode::SlicingExact,
+            },
+            refinement: match self.subdivision {
+                Some(depth) => Refinement::Depth(depth),
+                None => Refinement::Tolerance(self.tolerance),
+            },
+            backend: self.backend.into(),
+            transparent: self.transparent,
+        })
+    }
+}
+
+/// `box`, `auto`, `auto:VALUE` or a file.
+pub fn parse_proxy(word: &str) -> Result<ProxySource> {
+    Ok(match word {
+        "box" => ProxySource::Box,
+        "auto" => ProxySource::Auto { iso: None },
+        _ => match word.strip_prefix("auto:") {
+            Some(v) => match v.parse::<f64>() {
+                Ok(v) if v.is_finite() => ProxySource::Auto { iso: Some(v) },
+                _ => bail!("--mesh {word}: expected auto:VALUE with a number, such as auto:0.25"),
+            },
+            None => ProxySource::Mesh(PathBuf::from(word)),
+        },
+    })
+}
+
+fn parse_size(word: &str) -> Result<(u32, u32), String> {
+    let wrong = || format!("'{word}' is not a size; expected WIDTHxHEIGHT such as 768x768, each 1 to 16384");
+    let (w, h) = word.split_once(['x', 'X']).ok_or_else(wrong)?;
+    let side = |s: &str| s.parse::<u32>().ok().filter(|n| (1..=16384).contains(n));
+    Ok((side(w).ok_or_else(wrong)?, side(h).ok_or_else(wrong)?))
+}

@@ -1,0 +1,318 @@
+//! Slices of an object for a view: the one place where slicing, tessellation, subdivision and deformation meet.
+//!
+//! Each plane's section of the proxy mesh is split where it meets the support boxes of the deformation. Outside, texture
+//! coordinates are an affine map of position and large triangles are exact. Inside, triangles are refined until the
+//! displaced coordinate is, and their union's border is shared by both parts, so that every point is drawn exactly once.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use glam::{DAffine3, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::EvaluateError;
+use super::load::Object;
+use crate::deform::{Blocks, Prepared};
+use crate::math::{BackwardMap, OrientedBox, PlaneFrame};
+use crate::render::{Camera, Projection, SliceGeometry, SliceVertex};
+use crate::slice::{Planes, Slicer, Slices, box_section};
+use crate::subdivide::{NextSlice, Refiner, Rule, Smallest, Supports, Texturing, corners};
+use crate::tessellate::regions::Cutter;
+use crate::tessellate::{Method, Outlines, Tessellator, Triangulation};
+
+/// When triangles inside displacement volumes are fine enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Refinement {
+    /// Split this often, whatever the error.
+    Depth(u8),
+    /// Split until the displaced coordinate is right to so many voxels.
+    Tolerance(f64),
+}
+
+/// Deeper than this no tolerance leads: 4^8 triangles for one.
+const DEEPEST: u32 = 8;
+/// More slices than this are a mistake.
+const MOST_SLICES: f64 = 50_000.0;
+
+/// How slices are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GeometryOptions {
+    /// Number of slices; `None`: one per finest voxel.
+    pub slices: Option<usize>,
+    pub refinement: Refinement,
+    /// Whether the deformation is worked into the texture coordinates (else the renderer evaluates it per fragment).
+    pub subdivide: bool,
+    /// Width and height of the picture: edges below a pixel are not split.
+    pub size: (u32, u32),
+}
+
+/// The view-aligned slices of an object, back to front.
+///
+/// # Errors
+/// If the view has no direction, or there would be absurdly many slices.
+pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Result<SliceGeometry, EvaluateError> {
+    let grid = &object.volume.grid;
+    let frame = PlaneFrame::across(camera.to_eye()).ok_or(EvaluateError::View)?;
+    let center = grid.center();
+    let (lo, hi) = extent(&frame, &object.mesh.positions);
+    let count = match options.slices {
+        Some(n) => n as f64,
+        None => ((hi - lo) / grid.finest()).ceil().max(1.0),
+    };
+    if !(count <= MOST_SLICES) {
+        return Err(EvaluateError::TooManySlices(count));
+    }
+    let planes = Planes::between(frame, lo, hi, count as usize);
+    let mut slicer = Slicer::default();
+    let sections = slicer.slice(&object.mesh.positions, &object.topology, &planes)?;
+
+    let prepared = object.stack.prepared();
+    let boxes = if options.subdivide { prepared.supports() } else { Vec::new() };
+    let cuts = cuts(&boxes, &planes, sections);
+    // planes that meet no box are triangulated as they are, all others by region
+    let mut owner = sections.owner.clone();
+    for (k, _) in cuts.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
+        owner[sections.plane_loops(k)].fill(Slices::NONE);
+    }
+    let all = Outlines {
+        points: &sections.points,
+        loop_start: &sections.loop_start,
+        plane_start: &sections.plane_start,
+        area: &sections.area,
+        owner: &sections.owner,
+    };
+    let outlines = Outlines { owner: &owner, ..all };
+    let mut tessellator = Tessellator::default();
+    let maker = Maker {
+        planes,
+        camera,
+        center,
+        texture_from_world: grid.texture_from_world(),
+        sections,
+        all: &all,
+        outlines: &outlines,
+        plain: tessellator.run(&outlines, Method::Fast),
+        cuts: &cuts,
+        supports: Supports::new(&prepared, Some(prepared.feature_size())),
+        blocks: prepared.blocks(center),
+        prepared: &prepared,
+        rule: rule(object, options),
+        pixel: pixel(camera, options.size),
+    };
+    // runs of planes, so that buffers are made once per run and not per plane
+    let run = planes.count.div_ceil(8 * rayon::current_num_threads()).max(1);
+    let starts: Vec<usize> = (0..planes.count).step_by(run).collect();
+    let parts: Vec<Part> = starts.par_iter().map(|&first| maker.part(first..(first + run).min(planes.count))).collect();
+    Ok(join(parts, center, planes.step))
+}
+
+/// For each plane the sections of the boxes that may meet the object there.
+fn cuts(boxes: &[OrientedBox], planes: &Planes, sections: &Slices) -> Vec<Vec<Vec<DVec2>>> {
+    (0..planes.count)
+        .into_par_iter()
+        .map(|k| {
+            if boxes.is_empty() || sections.plane_loops(k).is_empty() {
+                return Vec::new();
+            }
+            let height = planes.height(k);
+            boxes.iter().map(|b| box_section(b, &planes.frame, height)).filter(|c| !c.is_empty()).collect()
+        })
+        .collect()
+}
+
+/// Smallest and largest height of the mesh along the normal; equal where nothing of it is finite.
+fn extent(frame: &PlaneFrame, positions: &[DVec3]) -> (f64, f64) {
+    let heights = positions.iter().map(|p| frame.height(*p)).filter(|h| h.is_finite());
+    let (lo, hi) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), h| (lo.min(h), hi.max(h)));
+    if lo <= hi { (lo, hi) } else { (0.0, 0.0) }
+}
+
+/// The size of a pixel in the world at distance 1 from the eye (perspective) or everywhere (orthographic).
+fn pixel(camera: &Camera, (width, height): (u32, u32)) -> f64 {
+    let side = f64::from(width.min(height).max(1));
+    match camera.projection {
+        Projection::Orthographic => 2.0 * camera.radius / camera.zoom / side,
+        Projection::Perspective { fov_y } => 2.0 * (0.5 * fov_y.to_radians()).tan() / side,
+    }
+}
+
+fn rule(object: &Object, options: &GeometryOptions) -> Rule<'static> {
+    match options.refinement {
+        Refinement::Depth(depth) => Rule::uniform(u32::from(depth)),
+        Refinement::Tolerance(t) => {
+            let grid = &object.volume.grid;
+            Rule::within(t, DEEPEST, &grid.texture_from_world(), grid.size())
+        }
+    }
+}
+
+/// The triangles of a run of planes, with indices into its own vertices.
+#[derive(Default)]
+struct Part {
+    vertices: Vec<SliceVertex>,
+    indices: Vec<u32>,
+    /// Number of indices of each plane.
+    counts: Vec<u32>,
+}
+
+fn join(parts: Vec<Part>, center: DVec3, distance: f64) -> SliceGeometry {
+    let mut geometry = SliceGeometry { center, distance, ..SliceGeometry::default() };
+    geometry.vertices.reserve_exact(parts.iter().map(|p| p.vertices.len()).sum());
+    geometry.indices.reserve_exact(parts.iter().map(|p| p.indices.len()).sum());
+    for part in parts {
+        let base = geometry.vertices.len() as u32;
+        let mut at = geometry.indices.len() as u32;
+        geometry.vertices.extend_from_slice(&part.vertices);
+        geometry.indices.extend(part.indices.iter().map(|i| i + base));
+        for n in part.counts {
+            geometry.slices.push(at..at + n);
+            at += n;
+        }
+    }
+    geometry
+}
+
+/// What all planes of a view have in common.
+struct Maker<'a> {
+    planes: Planes,
+    camera: &'a Camera,
+    center: DVec3,
+    texture_from_world: DAffine3,
+    sections: &'a Slices,
+    /// The sections of all planes.
+    all: &'a Outlines<'a>,
+    /// Those of the planes without cuts.
+    outlines: &'a Outlines<'a>,
+    /// The triangles of the planes without cuts.
+    plain: &'a Triangulation,
+    /// Sections of the support boxes, for each plane.
+    cuts: &'a [Vec<Vec<DVec2>>],
+    prepared: &'a Prepared,
+    blocks: Blocks<f32>,
+    supports: Supports,
+    rule: Rule<'static>,
+    /// See [`pixel`].
+    pixel: f64,
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+struct Scratch {
+    cutter: Cutter,
+    refiner: Refiner,
+    /// Vertex of each extra point of a triangulation, for the plane at hand.
+    extra: HashMap<u32, u32>,
+}
+
+impl Maker<'_> {
+    fn part(&self, planes: Range<usize>) -> Part {
+        let mut part = Part::default();
+        let mut scratch = Scratch::default();
+        for k in planes {
+            let before = part.indices.len();
+            let height = self.planes.height(k);
+            if let Some(next) = self.next_slice(height)
+                && !self.sections.plane_loops(k).is_empty()
+            {
+                let plane = Plane { k, height, next };
+                if self.cuts[k].is_empty() {
+                    self.plain(&plane, &mut scratch, &mut part);
+                } else {
+                    self.cut(&plane, &mut scratch, &mut part);
+                }
+            }
+            part.counts.push((part.indices.len() - before) as u32);
+        }
+        part
+    }
+
+    /// Where rays through this plane meet the next one; `None` if the plane lies behind the eye.
+    fn next_slice(&self, height: f64) -> Option<NextSlice> {
+        let n = self.planes.frame.normal;
+        match self.camera.projection {
+            Projection::Orthographic => Some(NextSlice::parallel(-n * self.planes.step)),
+            Projection::Perspective { .. } => {
+                let eye = self.camera.eye();
+                let before = self.planes.frame.height(eye) - height;
+                (before > 0.5 * self.planes.step.max(f64::MIN_POSITIVE))
+                    .then(|| NextSlice::from_eye(eye, before, self.planes.step))
+            }
+        }
+    }
+
+    /// A plane that meets no box.
+    fn plain(&self, plane: &Plane, scratch: &mut Scratch, part: &mut Part) {
+        let loops = self.sections.plane_loops(plane.k);
+        let first = self.sections.loop_start[loops.start] as usize;
+        let end = self.sections.loop_start[loops.end] as usize;
+        let base = part.vertices.len() as u32;
+        self.affine(plane, &self.sections.points[first..end], part);
+        scratch.extra.clear();
+        for &i in self.plain.triangles[self.plain.plane_triangles(plane.k)].iter().flatten() {
+            let vertex = if (i as usize) < self.outlines.points.len() {
+                base + i - first as u32
+            } else {
+                let next = part.vertices.len() as u32;
+                let vertex = *scratch.extra.entry(i).or_insert(next);
+                if vertex == next {
+                    self.affine(plane, &[self.plain.point(self.outlines, i)], part);
+                }
+                vertex
+            };
+            part.indices.push(vertex);
+        }
+    }
+
+    /// A plane that meets boxes.
+    fn cut(&self, plane: &Plane, scratch: &mut Scratch, part: &mut Part) {
+        let regions = scratch.cutter.cut(self.all, plane.k, &self.cuts[plane.k], Method::Fast);
+        let base = part.vertices.len() as u32;
+        self.affine(plane, &regions.outside.points, part);
+        self.affine(plane, &regions.outside.extra, part);
+        part.indices.extend(regions.outside.triangles.iter().flatten().map(|i| i + base));
+        let eye = self.camera.eye();
+        let pixel = |p: DVec3| self.pixel * (p - eye).length();
+        let mut rule = self.rule;
+        rule.smallest = match self.camera.projection {
+            Projection::Orthographic => Smallest::Length(self.pixel),
+            Projection::Perspective { .. } => Smallest::At(&pixel),
+        };
+        let lift = |q: &DVec2| self.planes.frame.lift(*q, plane.height);
+        let inside = &regions.inside;
+        let points = inside.points.iter().chain(&inside.extra).map(lift);
+        scratch.refiner.refine(points, &inside.triangles, self.prepared, &self.supports, &rule);
+        let base = part.vertices.len() as u32;
+        let texturing = Texturing::new(&self.texture_from_world, Some(plane.next), self.center);
+        corners(scratch.refiner.positions(), &self.blocks, &texturing, true, |c| {
+            part.vertices.push(SliceVertex {
+                position: c.position,
+                front: c.front,
+                back: c.back,
+                jacobian: c.jacobian,
+            });
+        });
+        part.indices.extend(scratch.refiner.triangles().iter().flatten().map(|i| i + base));
+    }
+
+    /// Emits vertices whose texture coordinates are an affine map of position.
+    fn affine(&self, plane: &Plane, points: &[DVec2], part: &mut Part) {
+        let jacobian = self.texture_from_world.matrix3.to_cols_array().map(|v| v as f32);
+        let texture = |p: DVec3| self.texture_from_world.transform_point3(p).as_vec3().to_array();
+        part.vertices.extend(points.iter().map(|q| {
+            let p = self.planes.frame.lift(*q, plane.height);
+            SliceVertex {
+                position: (p - self.center).as_vec3().to_array(),
+                front: texture(p),
+                back: texture(plane.next.scale * p + plane.next.shift),
+                jacobian,
+            }
+        }));
+    }
+}
+
+/// A plane at work.
+struct Plane {
+    k: usize,
+    height: f64,
+    next: NextSlice,
+}

@@ -1,0 +1,304 @@
+//! From a document to the data that every picture and export of it needs: samples, proxy mesh, deformation.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::deform::{Deformer, Limit, Stack};
+use crate::io;
+use crate::mesh::check::MeshReport;
+use crate::mesh::{self, Topology, TriMesh};
+use crate::render::{Camera, Field, TexelSlice};
+use crate::scene::{CameraSpec, Document, Placement, ProxySource, VolumeSource};
+use crate::volume::phantom::Phantom;
+use crate::volume::pyramid::BLOCK;
+use crate::volume::statistics::{Histogram, Statistics, channel_statistics, histogram};
+use crate::volume::transfer::TransferFunction;
+use crate::volume::{Grid, Scalar, Volume};
+
+use super::EvaluateError;
+use crate::with_samples;
+
+const HISTOGRAM_BINS: usize = 256;
+
+/// A document with its data at hand.
+#[derive(Debug, Clone)]
+pub struct Object {
+    pub volume: Arc<Volume>,
+    /// Of the channel that carries the opacity: the only one, or the last.
+    pub statistics: Statistics,
+    pub histogram: Histogram,
+    /// The samples as renderers read them.
+    pub field: Field,
+    pub transfer: TransferFunction,
+    /// Real values that the transfer function's window `[0, 1]` stands for.
+    pub window: [f64; 2],
+    /// A real value that separates object from surroundings.
+    pub iso: f64,
+    /// Centre and radius, in the world, of a ball around what stands out from the surroundings.
+    pub focus: (DVec3, f64),
+    /// The proxy mesh in the world, moved by the shape tools.
+    pub mesh: TriMesh,
+    pub topology: Topology,
+    /// Whether the mesh is more than the volume's box.
+    pub shaped: bool,
+    pub stack: Stack,
+    /// Plain sentences for the user.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a volume file, or makes the phantom a name such as `phantom:head` or `phantom:head:192` stands for.
+///
+/// # Errors
+/// If the file cannot be read, or there is no such phantom.
+pub fn read_source(source: &VolumeSource, base: &Path) -> Result<Volume, EvaluateError> {
+    match source {
+        VolumeSource::File(path) => Ok(io::read_volume(&base.join(path))?),
+        VolumeSource::Phantom { name, size } => {
+            let phantom = Phantom::from_name(name).ok_or_else(|| EvaluateError::NoSuchPhantom(name.clone()))?;
+            if !(1..=2048).contains(size) {
+                return Err(EvaluateError::PhantomSize(*size));
+            }
+            Ok(phantom.generate(*size))
+        }
+    }
+}
+
+/// What the word on the command line stands for: `phantom:NAME[:SIZE]` or a file.
+///
+/// # Errors
+/// If the size of a phantom is no number.
+pub fn parse_source(word: &str) -> Result<VolumeSource, EvaluateError> {
+    let Some(rest) = word.strip_prefix("phantom:") else {
+        return Ok(VolumeSource::File(PathBuf::from(word)));
+    };
+    let (name, size) = match rest.split_once(':') {
+        None => (rest, 256),
+        Some((name, size)) => (name, size.parse().map_err(|_| EvaluateError::PhantomWord(word.to_owned()))?),
+    };
+    Ok(VolumeSource::Phantom { name: name.to_owned(), size })
+}
+
+/// Fills in what suits a volume that comes without a project: a phantom knows its own best look.
+pub fn suggest(document: &mut Document) {
+    if let Some(phantom) = phantom(&document.volume) {
+        let suggested = phantom.suggested();
+        document.transfer = suggested.transfer.to_owned();
+        document.camera.yaw = suggested.yaw;
+        document.camera.pitch = suggested.pitch;
+    }
+}
+
+/// Brings everything a document refers to into memory.
+///
+/// # Errors
+/// If a file is missing or wrong, a name is unknown, or the shape tools fold the mesh.
+pub fn load(document: &Document, base: &Path) -> Result<Object, EvaluateError> {
+    let volume = Arc::new(read_source(&document.volume, base)?);
+    let field = Field::from_volume(Arc::clone(&volume));
+    let channel = volume.channels - 1;
+    let statistics = channel_statistics(&volume, channel);
+    let [lo, hi] = field.range;
+    let histogram = histogram(&volume, channel, lo, hi, HISTOGRAM_BINS);
+    let iso = match phantom(&document.volume) {
+        Some(p) => p.suggested().iso,
+        None => threshold(&histogram),
+    };
+    let transfer = transfer(&document.transfer, base, field.range, &histogram.counts)?;
+    let window = transfer.resolve(field.range);
+    let mut warnings = Vec::new();
+    let stack = unfolded(document, &mut warnings);
+    let mesh = proxy(document, &stack, base, &volume, iso, &mut warnings)?;
+    let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
+    let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
+    let focus = focus(&field, iso);
+    Ok(Object {
+        focus,
+        volume,
+        statistics,
+        histogram,
+        field,
+        transfer,
+        window,
+        iso,
+        mesh,
+        topology,
+        shaped,
+        stack,
+        warnings,
+    })
+}
+
+impl Object {
+    /// The camera a document asks for. It does not depend on the deformation, so that the object does not jump in view.
+    pub fn camera(&self, spec: &CameraSpec) -> Camera {
+        let (center, radius) = self.focus;
+        spec.camera(self.volume.grid.space, center, radius)
+    }
+}
+
+/// A ball around all blocks that reach the isovalue; around everything if there are none.
+fn focus(field: &Field, iso: f64) -> (DVec3, f64) {
+    let level = &field.pyramid.levels[0];
+    let [nx, ny, _] = level.dims;
+    let mut bounds: Option<(DVec3, DVec3)> = None;
+    // the pyramid holds integers as stored, the field's scale is for 0..1
+    let unit = match field.texels.slice() {
+        TexelSlice::U8(_) => 255.0,
+        TexelSlice::U16(_) => 65535.0,
+        TexelSlice::F32(_) => 1.0,
+    };
+    for (b, [low, high]) in level.bounds.iter().enumerate() {
+        let real = [low, high].map(|v| f64::from(*v) / unit * field.scale + field.offset);
+        if real[0].max(real[1]) >= iso {
+            let at = DVec3::new((b % nx) as f64, (b / nx % ny) as f64, (b / (nx * ny)) as f64);
+            bounds = Some(bounds.map_or((at, at), |(lo, hi)| (lo.min(at), hi.max(at))));
+        }
+    }
+    let size = field.grid.size();
+    let edge = BLOCK as f64;
+    let (lo, hi) = bounds.map_or((DVec3::ZERO, size), |(lo, hi)| (lo * edge, ((hi + 1.0) * edge).min(size)));
+    let world = |v: DVec3| field.grid.world_from_voxel.transform_point3(v - 0.5);
+    let (a, b) = (world(lo), world(hi));
+    // objects rarely fill the corners of their box
+    (0.5 * (a + b), 0.5 * 0.95 * (b - a).length())
+}
+
+/// The stack with every stroke shortened that would fold space, and a sentence about each.
+fn unfolded(document: &Document, warnings: &mut Vec<String>) -> Stack {
+    let mut stack = document.stack.clone();
+    if document.allow_folds {
+        return stack;
+    }
+    for (i, item) in stack.items.iter_mut().enumerate().filter(|(_, item)| item.enabled) {
+        let limited = item.deformer.limited(Limit::default());
+        if limited.held_back() > 0.0 {
+            let name = if item.name.is_empty() { format!("stroke {}", i + 1) } else { format!("'{}'", item.name) };
+            warnings.push(format!(
+                "{name} is held back: {:.3} of {:.3} units, longer would fold (widen its extent, or set \"allow_folds\": true)",
+                limited.kept, limited.asked
+            ));
+            item.deformer = limited.deformer;
+        }
+    }
+    stack
+}
+
+fn phantom(source: &VolumeSource) -> Option<Phantom> {
+    match source {
+        VolumeSource::Phantom { name, .. } => Phantom::from_name(name),
+        VolumeSource::File(_) => None,
+    }
+}
+
+/// The value that best splits a histogram in two classes (Otsu 1979): the surroundings and the object.
+fn threshold(histogram: &Histogram) -> f64 {
+    let Histogram { lo, hi, counts, .. } = histogram;
+    let total: f64 = counts.iter().map(|&c| c as f64).sum();
+    let moment: f64 = counts.iter().enumerate().map(|(i, &c)| i as f64 * c as f64).sum();
+    let (mut below, mut moment_below) = (0.0, 0.0);
+    let mut best = (0.0, 0);
+    for (i, &c) in counts.iter().enumerate() {
+        below += c as f64;
+        moment_below += i as f64 * c as f64;
+        let above = total - below;
+        if below > 0.0 && above > 0.0 {
+            let apart = moment_below / below - (moment - moment_below) / above;
+            let between = below * above * apart * apart;
+            if between > best.0 {
+                best = (between, i);
+            }
+        }
+    }
+    lo + (hi - lo) * (best.1 as f64 + 1.0) / counts.len() as f64
+}
+
+fn transfer(name: &str, base: &Path, range: [f64; 2], counts: &[u64]) -> Result<TransferFunction, EvaluateError> {
+    if let Some(preset) = TransferFunction::for_volume(name, range, counts) {
+        return Ok(preset);
+    }
+    let path = base.join(name);
+    if !path.is_file() {
+        let presets = TransferFunction::presets().iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+        return Err(EvaluateError::NoSuchTransfer { name: name.to_owned(), presets });
+    }
+    // control points are few; what is longer is something else
+    let text = io::read_text(&path, 1 << 20)?;
+    TransferFunction::parse(&text).map_err(|source| EvaluateError::Transfer { path, source })
+}
+
+/// The proxy mesh in the world, placed and moved by the shape tools.
+fn proxy(
+    document: &Document,
+    stack: &Stack,
+    base: &Path,
+    volume: &Volume,
+    iso: f64,
+    warnings: &mut Vec<String>,
+) -> Result<TriMesh, EvaluateError> {
+    let grid = &volume.grid;
+    let placed = |mesh: TriMesh| -> Result<TriMesh, EvaluateError> {
+        let s = document.placement.scale;
+        if let Some(flat) = s.to_array().into_iter().find(|f| !f.is_finite() || *f == 0.0) {
+            return Err(EvaluateError::FlatPlacement(flat));
+        }
+        let Some((lo, hi)) = mesh.bounds() else { return Ok(mesh) };
+        Ok(mesh.transformed(&document.placement.world_from_mesh(0.5 * (lo + hi))))
+    };
+    match &document.proxy {
+        // a box that holds the volume must also hold what was pulled out of it
+        ProxySource::Box => placed(grown_box(grid, stack)),
+        ProxySource::Auto { iso: given } => {
+            let iso = given.unwrap_or(iso);
+            let stored = volume.rescale;
+            let channel = volume.channels - 1;
+            let hull = with_samples!(&volume.samples, samples => mesh::proxy::enclose(
+                grid.dims,
+                &grid.world_from_voxel,
+                |i| stored.real(samples[i * volume.channels + channel].to_f64()) >= iso,
+                &mesh::proxy::ProxyOptions::default(),
+            ))?;
+            // the hull was made for the volume at rest, so it follows everything that moves
+            let mut all = stack.clone();
+            all.items.iter_mut().for_each(|i| i.moves_shape = true);
+            Ok(all.move_mesh(&placed(hull)?)?)
+        }
+        ProxySource::Mesh(path) => {
+            let path = base.join(path);
+            let mesh = io::read_surface(&path)?;
+            if mesh.triangles.is_empty() {
+                return Err(EvaluateError::EmptyMesh(path));
+            }
+            for defect in MeshReport::of(&mesh).defects().iter().filter(|d| d.kind.spoils_slices()) {
+                warnings.push(format!("{}: {defect}", path.display()));
+            }
+            Ok(stack.move_mesh(&placed(mesh)?)?)
+        }
+    }
+}
+
+/// The box of the texture cube along the voxel axes, grown to hold what the stack pulls out of it.
+fn grown_box(grid: &Grid, stack: &Stack) -> TriMesh {
+    let texture_from_world = grid.texture_from_world();
+    let (mut lo, mut hi) = (DVec3::ZERO, DVec3::ONE);
+    for deformer in stack.active() {
+        // the displacement is a convex combination of nothing and these vectors, and stays inside the support
+        let vectors = match deformer {
+            Deformer::Displacement(d) => vec![d.vector()],
+            Deformer::Grab(g) => vec![g.vector()],
+            Deformer::Lattice(l) => l.handles().to_vec(),
+        };
+        let moves = vectors.iter().map(|v| texture_from_world.transform_vector3(*v));
+        let (least, most) = moves.fold((DVec3::ZERO, DVec3::ZERO), |(a, b), v| (a.min(v), b.max(v)));
+        let corners = deformer.support().corners().map(|c| texture_from_world.transform_point3(c));
+        let (from, to) = corners.iter().fold((corners[0], corners[0]), |(a, b), c| (a.min(*c), b.max(*c)));
+        (lo, hi) = (lo.min((lo + least).max(from)), hi.max((hi + most).min(to)));
+    }
+    let world = grid.world_from_texture();
+    let corner = |i: usize| {
+        let pick = |bit: usize, a: f64, b: f64| if i >> bit & 1 == 0 { a } else { b };
+        world.transform_point3(DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)))
+    };
+    mesh::primitives::cuboid(&std::array::from_fn(corner))
+}

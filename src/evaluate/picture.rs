@@ -1,0 +1,148 @@
+//! A picture of an object: slices for the view, drawn on the CPU or the GPU.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::EvaluateError;
+use super::geometry::{self, GeometryOptions};
+use super::load::Object;
+use crate::gpu::{self, Gpu, Preference};
+use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
+
+pub use super::geometry::Refinement;
+
+/// Which renderer does the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Backend {
+    /// The GPU if it is a real one, else the CPU: software Vulkan is slower than our own renderer.
+    #[default]
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+/// How the interior is deformed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// Texture coordinates displaced at the corners of an adaptive subdivision (section 3.2.1).
+    #[default]
+    Slicing,
+    /// The backward map for each fragment.
+    SlicingExact,
+}
+
+/// How a picture is taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewOptions {
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// Number of slices; `None`: one per finest voxel.
+    pub slices: Option<usize>,
+    pub mode: Mode,
+    pub refinement: Refinement,
+    pub backend: Backend,
+    /// Leave the background transparent.
+    pub transparent: bool,
+}
+
+/// What was done, and how long it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PictureReport {
+    pub slices: usize,
+    pub triangles: usize,
+    /// Fragments that were evaluated; `None` where the renderer cannot count them.
+    pub fragments: Option<u64>,
+    pub backend: &'static str,
+    pub device: String,
+    pub ms_geometry: f64,
+    pub ms_draw: f64,
+    pub ms_total: f64,
+}
+
+/// Whether it is worth asking: on Linux, a graphics card shows as a device file.
+fn may_have_gpu() -> bool {
+    !cfg!(target_os = "linux") || ["/dev/dri", "/dev/nvidia0", "/dev/dxg"].iter().any(|p| Path::new(p).exists())
+}
+
+/// A renderer with its device, kept from picture to picture.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Option<gpu::Renderer>,
+}
+
+impl Renderer {
+    /// # Errors
+    /// If the GPU is asked for and none can be opened.
+    pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
+        let device = match backend {
+            Backend::Cpu => None,
+            Backend::Gpu => Some(Gpu::open(Preference::Any)?),
+            Backend::Auto if !may_have_gpu() => None,
+            Backend::Auto => Gpu::open(Preference::Any).ok().filter(|g| !g.is_software()),
+        };
+        Ok(Self { gpu: device.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
+    }
+
+    /// Draws an object.
+    ///
+    /// # Errors
+    /// If the view is degenerate or the GPU fails.
+    pub fn picture(
+        &mut self,
+        object: &Object,
+        camera: &Camera,
+        look: &Look,
+        options: &ViewOptions,
+    ) -> Result<(Picture, PictureReport), EvaluateError> {
+        let started = Instant::now();
+        let geometry = Arc::new(geometry::slices(
+            object,
+            camera,
+            &GeometryOptions {
+                slices: options.slices,
+                refinement: options.refinement,
+                subdivide: options.mode == Mode::Slicing,
+                size: options.size,
+            },
+        )?);
+        let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
+        let drawing = Instant::now();
+        let look = Look { transparent: options.transparent, ..*look };
+        let (width, height) = options.size;
+        let frame = Frame::new(camera, &look, &object.field, object.window, &geometry, width, height);
+        let reference = object.field.grid.finest();
+        let table = Arc::new(ClassTable::build(&object.transfer, geometry.distance / reference, look.preintegrated));
+        let (picture, fragments) = match &mut self.gpu {
+            Some(gpu) => {
+                gpu.set_field(&object.field)?;
+                gpu.set_table(&table);
+                gpu.set_exact((options.mode == Mode::SlicingExact).then_some(&object.stack));
+                gpu.set_geometry(&geometry);
+                (gpu.draw(&frame)?, None)
+            }
+            None => {
+                let prepared = object.stack.prepared();
+                let exact = (options.mode == Mode::SlicingExact).then(|| render::Exact {
+                    map: &prepared,
+                    texture_from_world: object.field.grid.texture_from_world(),
+                });
+                (render::render(&geometry, &object.field, &table, &frame, exact), None)
+            }
+        };
+        let report = PictureReport {
+            slices: geometry.slices.len(),
+            triangles: geometry.indices.len() / 3,
+            fragments,
+            backend: if self.gpu.is_some() { "gpu" } else { "cpu" },
+            device: match &self.gpu {
+                Some(gpu) => gpu.gpu().name(),
+                None => format!("cpu, {} threads", rayon::current_num_threads()),
+            },
+            ms_geometry,
+            ms_draw: drawing.elapsed().as_secs_f64() * 1e3,
+            ms_total: started.elapsed().as_secs_f64() * 1e3,
+        };
+        Ok((picture, report))
+    }
+}

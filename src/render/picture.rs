@@ -1,0 +1,124 @@
+use std::sync::OnceLock;
+
+use crate::volume::transfer::srgb_from_linear;
+
+/// A finished picture: 8-bit sRGB RGBA, rows top down. Alpha is straight, not premultiplied.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    pub width: u32,
+    pub height: u32,
+    pub pixels: Vec<[u8; 4]>,
+}
+
+/// Why a picture could not be encoded.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    #[error("the picture could not be encoded as PNG: {0}")]
+    Encoding(#[from] png::EncodingError),
+}
+
+impl Picture {
+    /// A picture of one colour.
+    pub fn filled(width: u32, height: u32, pixel: [u8; 4]) -> Self {
+        Self { width, height, pixels: vec![pixel; width as usize * height as usize] }
+    }
+
+    /// The picture as a PNG file: RGB if every pixel is opaque, else RGBA.
+    ///
+    /// # Errors
+    /// If the picture has no pixels, or they do not fill its size.
+    pub fn png(&self) -> Result<Vec<u8>, PictureError> {
+        let opaque = self.pixels.iter().all(|p| p[3] == 255);
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
+        encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut writer = encoder.write_header()?;
+        if opaque {
+            let rgb: Vec<u8> = self.pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+            writer.write_image_data(&rgb)?;
+        } else {
+            writer.write_image_data(self.pixels.as_flattened())?;
+        }
+        writer.finish()?;
+        Ok(file)
+    }
+}
+
+/// Peak signal-to-noise ratio of two pictures of one size in decibels, over all four channels; infinite if they are equal.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn psnr(a: &Picture, b: &Picture) -> f64 {
+    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of different sizes");
+    let (a, b) = (a.pixels.as_flattened(), b.pixels.as_flattened());
+    let squares: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+    10.0 * (255.0 * 255.0 * a.len() as f64 / squares).log10()
+}
+
+/// The largest difference of two pictures of one size in any channel.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn max_difference(a: &Picture, b: &Picture) -> u8 {
+    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of different sizes");
+    let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
+    pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+}
+
+const CODES: usize = 1 << 16;
+
+/// The 8-bit sRGB code of a linear value, clamped to 0..=1. By table: within 0.03 steps of the curve before rounding.
+pub(super) fn srgb_code(v: f32) -> u8 {
+    static TABLE: OnceLock<Vec<u8>> = OnceLock::new();
+    let table = TABLE.get_or_init(|| {
+        let code = |i: usize| (srgb_from_linear(i as f32 / (CODES - 1) as f32) * 255.0).round() as u8;
+        (0..CODES).map(code).collect()
+    });
+    // `as` turns NaN and what is negative into 0
+    table[((v * (CODES - 1) as f32 + 0.5) as usize).min(CODES - 1)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_follow_the_curve() {
+        for i in 0..=100_000 {
+            let v = i as f32 / 100_000.0;
+            let want = srgb_from_linear(v) * 255.0;
+            assert!((f32::from(srgb_code(v)) - want).abs() < 0.54, "{v}");
+        }
+        assert_eq!((srgb_code(f32::NAN), srgb_code(-1.0), srgb_code(7.0)), (0, 0, 255));
+    }
+
+    #[test]
+    fn png_reads_back() {
+        for alpha in [255, 128] {
+            let mut p = Picture::filled(3, 2, [10, 20, 30, 255]);
+            p.pixels[4] = [200, 100, 50, alpha];
+            let file = p.png().unwrap();
+            let mut reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();
+            let mut data = vec![0; reader.output_buffer_size().unwrap()];
+            let info = reader.next_frame(&mut data).unwrap();
+            assert_eq!((info.width, info.height), (3, 2));
+            let n = data.len() / 6;
+            assert_eq!(data[4 * n..4 * n + n], [200, 100, 50, alpha][..n]);
+        }
+        assert!(Picture::filled(0, 5, [0; 4]).png().is_err());
+        assert!(Picture { width: 2, height: 2, pixels: vec![[0; 4]; 3] }.png().is_err());
+    }
+
+    #[test]
+    fn differences_are_measured() {
+        let a = Picture::filled(4, 4, [100; 4]);
+        let mut b = a.clone();
+        assert_eq!((psnr(&a, &b), max_difference(&a, &b)), (f64::INFINITY, 0));
+        b.pixels[3][1] = 116;
+        // one of 64 values is off by 16: mean square 4
+        assert!((psnr(&a, &b) - 10.0 * (255.0f64 * 255.0 / 4.0).log10()).abs() < 1e-9);
+        assert_eq!(max_difference(&a, &b), 16);
+    }
+}

@@ -1,0 +1,333 @@
+//! One tile of the picture: collects the fragments of its triangles, front to back, and shades them in groups.
+//!
+//! A pixel has at most one fragment that is not yet shaded. A triangle that covers such a pixel again lies on another slice
+//! (or the mesh overlaps itself): then everything collected is shaded first. So small triangles of one slice fill whole groups
+//! of [`LANES`], whatever their shape, and the order along each ray is kept.
+
+use glam::{DMat4, DVec3};
+
+use super::raster::Setup;
+use super::sampler::{LANES, Lanes, Sampler, Texel};
+use super::skip::Skip;
+use super::{ClassTable, Exact, Frame, SliceGeometry};
+
+pub const WIDTH: usize = 32;
+pub const HEIGHT: usize = 16;
+const AREA: usize = WIDTH * HEIGHT;
+
+/// One value per pixel.
+pub type Plane = [f32; AREA];
+
+/// What all tiles share.
+pub struct Scene<'a, T: Texel, const C: usize> {
+    pub geometry: &'a SliceGeometry,
+    pub corners: &'a [Option<[i32; 2]>],
+    pub sampler: Sampler<'a, T, C>,
+    pub table: &'a ClassTable,
+    pub skip: Skip,
+    pub frame: &'a Frame,
+    pub exact: Option<Exact<'a>>,
+    /// Whether fragments need the value at the next slice.
+    pub back: bool,
+    /// From texture-space differences over two texels to window units per voxel.
+    pub per_voxel: [f32; 3],
+    pub local_from_clip: DMat4,
+}
+
+impl<'a, T: Texel, const C: usize> Scene<'a, T, C> {
+    pub fn has_gradient(&self) -> bool {
+        self.frame.has(Frame::LIT) && self.frame.size[2] != Frame::MIP
+    }
+}
+
+/// The state of a tile.
+pub struct Tile {
+    /// Pixels of the picture.
+    origin: [i64; 2],
+    size: [i64; 2],
+    /// Texture coordinates of fragments; `front` holds positions until an exact map is applied.
+    pub front: [Plane; 3],
+    pub back: [Plane; 3],
+    /// The Jacobian of all fragments if it does not vary, else of each.
+    pub jacobian: [f32; 9],
+    pub jacobians: Option<Box<[Plane; 9]>>,
+    pub varies: bool,
+    /// Bits of pixels with a fragment, and of pixels that are not yet opaque, by row.
+    pending: [u32; HEIGHT],
+    pub alive: [u32; HEIGHT],
+    /// Premultiplied linear colour and opacity so far; the largest value and 1 for maximum intensity.
+    pub sum: [Plane; 4],
+    /// Where the last fragment looked for the value at the next slice, and that value.
+    pub seen_at: [Plane; 3],
+    pub seen: Plane,
+    /// Unit direction to the eye, the half vector between it and the light, and 1/cos of the ray with the view axis.
+    pub to_eye: [Plane; 3],
+    pub half: [Plane; 3],
+    pub stretch: Plane,
+}
+
+impl Tile {
+    pub fn new() -> Box<Self> {
+        Box::new(Self {
+            origin: [0; 2],
+            size: [0; 2],
+            front: [[0.0; AREA]; 3],
+            back: [[0.0; AREA]; 3],
+            jacobian: [0.0; 9],
+            jacobians: None,
+            varies: false,
+            pending: [0; HEIGHT],
+            alive: [0; HEIGHT],
+            sum: [[0.0; AREA]; 4],
+            seen_at: [[0.0; AREA]; 3],
+            seen: [0.0; AREA],
+            to_eye: [[0.0; AREA]; 3],
+            half: [[0.0; AREA]; 3],
+            stretch: [1.0; AREA],
+        })
+    }
+
+    /// Starts at tile (`across`, `down`): nothing drawn, view directions computed.
+    pub fn start<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>, across: usize, down: usize) {
+        let frame = scene.frame;
+        self.origin = [(across * WIDTH) as i64, (down * HEIGHT) as i64];
+        let left = |axis: usize, side: usize| (i64::from(frame.size[axis]) - self.origin[axis]).min(side as i64);
+        self.size = [left(0, WIDTH), left(1, HEIGHT)];
+        self.pending = [0; HEIGHT];
+        self.alive = [0; HEIGHT];
+        self.alive[..self.size[1] as usize].fill(bits(0..self.size[0] as usize));
+        self.sum = [[0.0; AREA]; 4];
+        // no fragment lies there
+        self.seen_at[0].fill(f32::INFINITY);
+        let [eye, axis, light] =
+            [frame.eye, frame.axis, frame.light].map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into()));
+        for row in 0..self.size[1] {
+            for column in 0..self.size[0] {
+                let [x, y] = [self.origin[0] + column, self.origin[1] + row].map(|v| v as f64 + 0.5);
+                let ndc =
+                    DVec3::new(2.0 * x / f64::from(frame.size[0]) - 1.0, 1.0 - 2.0 * y / f64::from(frame.size[1]), 0.5);
+                let p = scene.local_from_clip.project_point3(ndc);
+                let to_eye = (eye - f64::from(frame.eye[3]) * p).normalize();
+                let half = (to_eye + light).normalize_or_zero();
+                let i = row as usize * WIDTH + column as usize;
+                for a in 0..3 {
+                    self.to_eye[a][i] = to_eye[a] as f32;
+                    self.half[a][i] = half[a] as f32;
+                }
+                self.stretch[i] = (1.0 / axis.dot(to_eye)) as f32;
+            }
+        }
+    }
+
+    /// Whether nothing further back can be seen.
+    pub fn is_done(&self) -> bool {
+        self.alive.iter().all(|row| *row == 0)
+    }
+
+    /// Takes the fragments of a triangle, which lies in front of nothing drawn so far.
+    pub fn draw<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>, t: usize) {
+        let size = [scene.frame.size[0], scene.frame.size[1]];
+        let Some(setup) = Setup::new(scene.geometry, scene.corners, t, size) else { return };
+        let within = |r: &std::ops::Range<i64>, axis: usize| {
+            r.start.max(self.origin[axis])..r.end.min(self.origin[axis] + self.size[axis])
+        };
+        let (xs, ys) = (within(&setup.x, 0), within(&setup.y, 1));
+        if xs.is_empty() || ys.is_empty() {
+            return;
+        }
+        let Some(cuts) = setup.cutting(&xs, &ys) else { return };
+        let corners = setup.vertices.map(|v| &scene.geometry.vertices[v]);
+        let varies = scene.has_gradient()
+            && scene.exact.is_none()
+            && (corners[1].jacobian != corners[0].jacobian || corners[2].jacobian != corners[0].jacobian);
+        if scene.has_gradient()
+            && scene.exact.is_none()
+            && (varies != self.varies || (!varies && corners[0].jacobian != self.jacobian))
+        {
+            self.shade(scene);
+            self.varies = varies;
+            self.jacobian = corners[0].jacobian;
+        }
+        let lines = Lines::new(corners, scene);
+        if scene.exact.is_none() && !scene.skip.full && lines.is_empty_over(&setup, &xs, &ys, scene) {
+            return;
+        }
+        let [step1, step2] = setup.weight_steps();
+        for y in ys {
+            let span = setup.span(y, &xs, cuts);
+            if span.is_empty() {
+                continue;
+            }
+            let row = (y - self.origin[1]) as usize;
+            let columns = (span.start - self.origin[0]) as usize..(span.end - self.origin[0]) as usize;
+            let covered = bits(columns.clone()) & self.alive[row];
+            if covered == 0 {
+                continue;
+            }
+            if covered & self.pending[row] != 0 {
+                self.shade(scene);
+            }
+            let covered = covered & self.alive[row];
+            let weights = setup.weights(span.start, y);
+            let [start, step] = [lines.at(weights), lines.along([step1, step2])];
+            if scene.exact.is_none()
+                && !scene.skip.full
+                && lines.is_empty_between(start, step, columns.len() - 1, scene)
+            {
+                continue;
+            }
+            self.pending[row] |= covered;
+            let at = row * WIDTH + columns.start..row * WIDTH + columns.end;
+            let count = if scene.back { 6 } else { 3 };
+            for (i, (start, step)) in start.iter().zip(step).take(count).enumerate() {
+                let plane = if i < 3 { &mut self.front[i] } else { &mut self.back[i - 3] };
+                fill(&mut plane[at.clone()], *start, step);
+            }
+            if varies {
+                let planes = self.jacobians.get_or_insert_with(|| Box::new([[0.0; AREA]; 9]));
+                for (i, plane) in planes.iter_mut().enumerate() {
+                    let j = corners.map(|c| c.jacobian[i]);
+                    let mix = |w: [f64; 2]| (w[0] as f32) * (j[1] - j[0]) + (w[1] as f32) * (j[2] - j[0]);
+                    fill(&mut plane[at.clone()], j[0] + mix(weights), mix([step1, step2]));
+                }
+            }
+        }
+    }
+
+    /// Shades all collected fragments.
+    pub fn shade<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>) {
+        for row in 0..HEIGHT {
+            if self.pending[row] == 0 {
+                continue;
+            }
+            let pending = std::mem::take(&mut self.pending[row]);
+            if let Some(exact) = &scene.exact {
+                self.apply(scene, exact, row, pending);
+            }
+            for group in 0..WIDTH / LANES {
+                let mask = pending >> (group * LANES) & ((1 << LANES) - 1);
+                if mask != 0 {
+                    let opaque = self.group(scene, row * WIDTH + group * LANES, mask);
+                    self.alive[row] &= !(opaque << (group * LANES));
+                }
+            }
+        }
+    }
+
+    /// Replaces positions by what the exact map says.
+    fn apply<T: Texel, const C: usize>(
+        &mut self,
+        scene: &Scene<'_, T, C>,
+        exact: &Exact<'_>,
+        row: usize,
+        mut pending: u32,
+    ) {
+        self.varies = true;
+        let planes = self.jacobians.get_or_insert_with(|| Box::new([[0.0; AREA]; 9]));
+        while pending != 0 {
+            let i = row * WIDTH + pending.trailing_zeros() as usize;
+            pending &= pending - 1;
+            let f = exact.fragment([0, 1, 2].map(|a: usize| self.front[a][i]), scene.geometry.center, scene.frame);
+            for a in 0..3 {
+                self.front[a][i] = f.front[a] as f32;
+                self.back[a][i] = f.back[a] as f32;
+            }
+            for (plane, v) in planes.iter_mut().zip(f.jacobian.to_cols_array()) {
+                plane[i] = v as f32;
+            }
+        }
+    }
+
+    /// Rows of the tile: row and first column in the picture, and sums.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, usize, impl Iterator<Item = [f32; 4]>)> {
+        (0..self.size[1] as usize).map(|row| {
+            let pixels = row * WIDTH..row * WIDTH + self.size[0] as usize;
+            let sums = pixels.map(|i| [0, 1, 2, 3].map(|c: usize| self.sum[c][i]));
+            (self.origin[1] as usize + row, self.origin[0] as usize, sums)
+        })
+    }
+}
+
+/// Lanes of a plane.
+#[inline(always)]
+pub fn lanes(plane: &Plane, at: usize) -> Lanes {
+    std::array::from_fn(|l| plane[at + l])
+}
+
+fn bits(columns: std::ops::Range<usize>) -> u32 {
+    if columns.is_empty() { 0 } else { (u32::MAX >> (32 - columns.len())) << columns.start }
+}
+
+#[inline(always)]
+fn fill(out: &mut [f32], start: f32, step: f32) {
+    for (i, v) in out.iter_mut().enumerate() {
+        *v = start + i as i32 as f32 * step;
+    }
+}
+
+/// Front and back coordinates as linear functions of the corner weights.
+struct Lines {
+    origin: [f32; 6],
+    sides: [[f32; 6]; 2],
+}
+
+impl Lines {
+    fn new<T: Texel, const C: usize>(corners: [&super::SliceVertex; 3], scene: &Scene<'_, T, C>) -> Self {
+        let all = corners.map(|c| {
+            let f = if scene.exact.is_some() { c.position } else { c.front };
+            [f[0], f[1], f[2], c.back[0], c.back[1], c.back[2]]
+        });
+        let side = |i: usize| std::array::from_fn(|a| all[i][a] - all[0][a]);
+        Self { origin: all[0], sides: [side(1), side(2)] }
+    }
+
+    fn along(&self, w: [f64; 2]) -> [f32; 6] {
+        let w = w.map(|w| w as f32);
+        std::array::from_fn(|a| w[0] * self.sides[0][a] + w[1] * self.sides[1][a])
+    }
+
+    fn at(&self, w: [f64; 2]) -> [f32; 6] {
+        let along = self.along(w);
+        std::array::from_fn(|a| self.origin[a] + along[a])
+    }
+
+    /// Whether nothing of the rectangle can be seen. A rectangle that sticks out of the triangle only makes it harder.
+    fn is_empty_over<T: Texel, const C: usize>(
+        &self,
+        setup: &Setup,
+        xs: &std::ops::Range<i64>,
+        ys: &std::ops::Range<i64>,
+        scene: &Scene<'_, T, C>,
+    ) -> bool {
+        let corners = [(xs.start, ys.start), (xs.end - 1, ys.start), (xs.start, ys.end - 1), (xs.end - 1, ys.end - 1)];
+        let points = corners.map(|(x, y)| self.at(setup.weights(x, y)));
+        is_empty(&points, scene)
+    }
+
+    fn is_empty_between<T: Texel, const C: usize>(
+        &self,
+        start: [f32; 6],
+        step: [f32; 6],
+        steps: usize,
+        scene: &Scene<'_, T, C>,
+    ) -> bool {
+        let end = std::array::from_fn(|a| start[a] + steps as f32 * step[a]);
+        is_empty(&[start, end], scene)
+    }
+}
+
+/// Whether nothing can be seen in the box around fragments.
+fn is_empty<T: Texel, const C: usize>(points: &[[f32; 6]], scene: &Scene<'_, T, C>) -> bool {
+    let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for p in points {
+        for a in 0..3 {
+            let (f, b) = (p[a], if scene.back { p[a + 3] } else { p[a] });
+            lo[a] = lo[a].min(f).min(b);
+            hi[a] = hi[a].max(f).max(b);
+        }
+    }
+    let texel = |v: [f32; 3]| std::array::from_fn(|a| scene.sampler.texel(v[a], a));
+    // interpolation along the span rounds
+    let slack = 1e-5;
+    scene.skip.is_empty(texel(lo.map(|v| v - slack)), texel(hi.map(|v| v + slack)))
+}

@@ -1,0 +1,204 @@
+use std::path::PathBuf;
+
+use glam::{DAffine3, DMat3, DVec3, EulerRot};
+use serde::{Deserialize, Serialize};
+
+use crate::deform::Stack;
+use crate::render::{Camera, Gradient, Look, Projection, Shading};
+use crate::volume::Space;
+
+/// Everything that makes a sculpted object and its view, but for the samples themselves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Document {
+    pub volume: VolumeSource,
+    #[serde(default)]
+    pub proxy: ProxySource,
+    #[serde(default)]
+    pub placement: Placement,
+    #[serde(default)]
+    pub stack: Stack,
+    /// Let strokes through that fold space; else they are shortened until they do not.
+    #[serde(default)]
+    pub allow_folds: bool,
+    /// Name of a preset, a path of a transfer function file, or `auto`.
+    #[serde(default = "auto")]
+    pub transfer: String,
+    #[serde(default)]
+    pub look: LookSpec,
+    #[serde(default)]
+    pub camera: CameraSpec,
+}
+
+fn auto() -> String {
+    "auto".to_owned()
+}
+
+impl Document {
+    /// The undeformed volume in its bounding box, with everything else by default.
+    pub fn new(volume: VolumeSource) -> Self {
+        Self {
+            volume,
+            proxy: ProxySource::default(),
+            placement: Placement::default(),
+            stack: Stack::default(),
+            allow_folds: false,
+            transfer: auto(),
+            look: LookSpec::default(),
+            camera: CameraSpec::default(),
+        }
+    }
+}
+
+/// Where the samples come from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum VolumeSource {
+    /// A file; relative paths start at the project file's folder.
+    File(PathBuf),
+    /// A built-in phantom, its longest side in voxels.
+    Phantom { name: String, size: usize },
+}
+
+/// The closed mesh that gives the object its shape.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ProxySource {
+    /// The volume's bounding box.
+    #[default]
+    Box,
+    /// A smooth hull around every voxel at or above a real value (`None`: chosen from the histogram).
+    Auto { iso: Option<f64> },
+    /// A mesh file in the volume's world.
+    Mesh(PathBuf),
+}
+
+/// Where the mesh lies in the texture cube (section 2.2): scaled and turned about its own centre, then moved.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Placement {
+    /// World units.
+    pub translate: DVec3,
+    /// Degrees about the world's x, y, z axes, applied in this order.
+    pub rotate: DVec3,
+    /// Factors along the mesh's own axes; none may be zero.
+    pub scale: DVec3,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { translate: DVec3::ZERO, rotate: DVec3::ZERO, scale: DVec3::ONE }
+    }
+}
+
+impl Placement {
+    /// The map from the mesh's coordinates to the world, about `center` (in the mesh's coordinates).
+    pub fn world_from_mesh(&self, center: DVec3) -> DAffine3 {
+        let r = self.rotate * std::f64::consts::PI / 180.0;
+        let turn = DMat3::from_euler(EulerRot::ZYX, r.z, r.y, r.x);
+        DAffine3::from_translation(center + self.translate)
+            * DAffine3::from_mat3(turn * DMat3::from_diagonal(self.scale))
+            * DAffine3::from_translation(-center)
+    }
+}
+
+/// The saved part of a [`Look`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LookSpec {
+    pub shading: ShadingSpec,
+    pub lit: bool,
+    /// Direction to the light: right, up, towards the eye.
+    pub light: DVec3,
+    pub forward_gradient: bool,
+    pub preintegrated: bool,
+}
+
+/// What is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadingSpec {
+    #[default]
+    Volume,
+    /// Real value; `None`: chosen from the histogram.
+    Iso {
+        value: Option<f64>,
+    },
+    Mip,
+}
+
+impl Default for LookSpec {
+    fn default() -> Self {
+        let look = Look::default();
+        Self {
+            shading: ShadingSpec::Volume,
+            lit: look.lit,
+            light: look.light,
+            forward_gradient: false,
+            preintegrated: look.preintegrated,
+        }
+    }
+}
+
+impl LookSpec {
+    /// The full look; `iso` is taken where none is saved.
+    pub fn look(&self, iso: f64) -> Look {
+        let shading = match self.shading {
+            ShadingSpec::Volume => Shading::Volume,
+            ShadingSpec::Iso { value } => Shading::Iso { value: value.unwrap_or(iso), color: [0.87, 0.80, 0.70] },
+            ShadingSpec::Mip => Shading::Mip,
+        };
+        Look {
+            shading,
+            lit: self.lit,
+            light: self.light,
+            gradient: if self.forward_gradient { Gradient::Forward } else { Gradient::Central },
+            preintegrated: self.preintegrated,
+            ..Look::default()
+        }
+    }
+}
+
+/// The saved part of a [`Camera`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Degrees, from the front of the volume.
+    pub yaw: f64,
+    /// Degrees, positive from above.
+    pub pitch: f64,
+    /// 1 shows everything visible.
+    pub zoom: f64,
+    /// World units added to the middle of what is visible.
+    pub offset: DVec3,
+    /// Vertical field of view in degrees; `None`: orthographic.
+    pub fov_y: Option<f64>,
+}
+
+impl Default for CameraSpec {
+    fn default() -> Self {
+        // three-quarters, as a portrait is taken
+        Self { yaw: 30.0, pitch: 12.0, zoom: 1.0, offset: DVec3::ZERO, fov_y: Some(28.0) }
+    }
+}
+
+impl CameraSpec {
+    /// The camera that frames a ball, seen from the front (the face, where the file says which way that is).
+    pub fn camera(&self, space: Space, center: DVec3, radius: f64) -> Camera {
+        let front = match space {
+            Space::Ras => 180.0,
+            Space::Lps | Space::Unknown => 0.0,
+        };
+        Camera {
+            target: center + self.offset,
+            yaw: self.yaw + front,
+            pitch: self.pitch.clamp(-89.9, 89.9),
+            radius,
+            zoom: self.zoom,
+            projection: match self.fov_y {
+                Some(fov_y) => Projection::Perspective { fov_y },
+                None => Projection::Orthographic,
+            },
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! The command line as a contract: JSON keys, exit codes, one sentence for what is wrong, nothing half-written.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn voxclay(dir: &TempDir, args: &[&str]) -> Output {
+    Command::cargo_bin("voxclay").unwrap().current_dir(dir.path()).args(args).output().unwrap()
+}
+
+fn json(dir: &TempDir, args: &[&str]) -> Value {
+    let mut all = args.to_vec();
+    all.push("--json");
+    let out = voxclay(dir, &all);
+    assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).unwrap_or_else(|e| panic!("{args:?}: not one JSON object: {e}"))
+}
+
+/// The work fails with exit code 1 and one sentence that holds all of `words`.
+fn fails(dir: &TempDir, args: &[&str], words: &[&str]) {
+    let out = voxclay(dir, args);
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{args:?}: {said}");
+    assert!(out.stdout.is_empty(), "{args:?} wrote to stdout");
+    let lines: Vec<&str> = said.lines().filter(|l| l.starts_with("voxclay:")).collect();
+    assert_eq!(lines.len(), 1, "{args:?}: {said}");
+    for word in words {
+        assert!(lines[0].contains(word), "{args:?}: '{}' does not say '{word}'", lines[0]);
+    }
+    assert!(!said.contains("panicked") && !said.contains("internal error"), "{args:?}: {said}");
+}
+
+fn exists(dir: &TempDir, name: &str) -> bool {
+    dir.path().join(name).exists()
+}
+
+fn left_over(dir: &TempDir) -> Vec<String> {
+    let names = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned());
+    names.filter(|n| n.contains(".part")).collect()
+}
+
+fn has_keys(value: &Value, keys: &[&str]) {
+    for key in keys {
+        assert!(!value[key].is_null(), "no key '{key}' in {value}");
+    }
+}
+
+const PROJECT: &str = r#"{ "voxclay": 1, "document": {
+    "volume": { "phantom": { "name": "sphere", "size": 40 } },
+    "stack": [ { "name": "pull", "deformer": { "tool": "displacement",
+        "point": [0, 0, 0], "vector": [0.1, 0, 0.05], "extent": { "u": 0.5, "v": 0.5, "length": 1.5 } } } ] } }"#;
+
+#[test]
+fn every_verb_has_help_with_an_example() {
+    let dir = TempDir::new().unwrap();
+    for verb in ["info", "convert", "slice", "render", "export", "demo"] {
+        let out = voxclay(&dir, &[verb, "--help"]);
+        assert_eq!(out.status.code(), Some(0));
+        let text = String::from_utf8_lossy(&out.stdout).into_owned();
+        assert!(text.contains("Example: voxclay"), "{verb}: {text}");
+    }
+}
+
+#[test]
+fn bad_usage_is_2() {
+    let dir = TempDir::new().unwrap();
+    for args in [
+        &["frobnicate"][..],
+        &[],
+        &["info"],
+        &["render", "phantom:sphere:24", "--size", "0x10", "-o", "a.png"],
+        &["render", "phantom:sphere:24", "--size", "10", "-o", "a.png"],
+        &["render", "phantom:sphere:24", "--slices", "0", "-o", "a.png"],
+        &["slice", "x.obj", "--direction", "1,2"],
+        &["slice", "x.obj", "--planes", "-1"],
+    ] {
+        assert_eq!(voxclay(&dir, args).status.code(), Some(2), "{args:?}");
+    }
+    assert!(!exists(&dir, "a.png"));
+}
+
+#[test]
+fn info_convert_and_back() {
+    let dir = TempDir::new().unwrap();
+    let first = json(&dir, &["info", "phantom:head:40"]);
+    has_keys(&first, &["kind", "dims", "type", "channels", "spacing", "origin", "direction", "min", "max", "mean"]);
+    assert_eq!(first["kind"], "volume");
+    let mut from = "phantom:head:40".to_owned();
+    for to in ["a.nrrd", "b.nii.gz", "c.mha", "d.nhdr", "e.nii", "f.mhd", "g.raw"] {
+        json(&dir, &["convert", &from, to]);
+        let facts = json(&dir, &["info", to]);
+        for key in ["dims", "type", "channels", "min", "max", "mean"] {
+            assert_eq!(facts[key], first[key], "{key} of {to}");
+        }
+        from = to.to_owned();
+    }
+    let both = json(&dir, &["info", "a.nrrd", "c.mha"]);
+    assert_eq!(both["files"].as_array().unwrap().len(), 2);
+    assert!(left_over(&dir).is_empty());
+}
+
+#[test]
+fn slice_has_the_keys_of_the_contract() {
+    let dir = TempDir::new().unwrap();
+    cube(dir.path());
+    for tessellator in ["lyon", "spade", "none"] {
+        let s = json(&dir, &["slice", "cube.obj", "--planes", "7", "--direction", "0,0,2", "--tessellator", tessellator]);
+        has_keys(&s, &["planes", "area", "outer", "holes", "triangles"]);
+        has_keys(&s["ms"], &["build", "contours", "nesting", "tessellate", "total"]);
+        let area = s["area"].as_array().unwrap();
+        assert_eq!(area.len(), 7);
+        assert!(area.iter().all(|a| (a.as_f64().unwrap() - 4.0).abs() < 1e-12), "{area:?}");
+        assert!(s["outer"].as_array().unwrap().iter().all(|n| n == 1));
+    }
+    fails(&dir, &["slice", "cube.obj", "--direction", "0,0,0"], &["no length"]);
+}
+
+#[test]
+fn render_draws_each_shading() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
+    for shading in ["volume", "iso", "mip"] {
+        for mode in ["slicing", "slicing-exact"] {
+            let r = json(
+                &dir,
+                &["render", "p.voxclay", "--backend", "cpu", "--shading", shading, "--mode", mode, "--size", "64x48", "-o", "a.png"],
+            );
+            has_keys(&r, &["slices", "triangles", "ms"]);
+            assert!(r["slices"].as_u64().unwrap() > 20);
+            let png = std::fs::read(dir.path().join("a.png")).unwrap();
+            assert_eq!(&png[1..4], b"PNG");
+            assert_eq!(u32::from_be_bytes(png[16..20].try_into().unwrap()), 64);
+            assert_eq!(u32::from_be_bytes(png[20..24].try_into().unwrap()), 48);
+        }
+    }
+    assert!(left_over(&dir).is_empty());
+}
+
+#[test]
+fn export_writes_the_deformed_volume() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
+    for mode in ["slicing", "reference"] {
+        let e = json(&dir, &["export", "p.voxclay", "-o", "o.nrrd", "--mode", mode, "--field", "f.nrrd"]);
+        has_keys(&e, &["dims", "mode", "ms"]);
+        assert_eq!(e["mode"], mode);
+        assert!(e["moved"].as_u64().unwrap() > 0);
+        let volume = json(&dir, &["info", "o.nrrd"]);
+        assert_eq!(volume["dims"], e["dims"]);
+        assert_eq!(json(&dir, &["info", "f.nrrd"])["channels"], 3);
+    }
+    // nothing deformed, nothing changed
+    json(&dir, &["convert", "phantom:engine:40", "rest.nrrd"]);
+    json(&dir, &["export", "rest.nrrd", "-o", "same.raw"]);
+    json(&dir, &["convert", "rest.nrrd", "rest.raw"]);
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    assert_eq!(read("same.raw"), read("rest.raw"));
+}
+
+#[test]
+fn bad_input_gets_one_sentence_and_leaves_nothing() {
+    let dir = TempDir::new().unwrap();
+    let put = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).unwrap();
+    put("empty.nrrd", b"");
+    put("cut.nrrd", b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\nabc");
+    put("huge.nrrd", b"NRRD0004\ntype: double\ndimension: 3\nsizes: 99999999 99999999 99999\nencoding: raw\n\nabc");
+    put("zero.mha", b"ObjectType = Image\nNDims = 3\nDimSize = 0 4 4\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n");
+    put("empty.obj", b"");
+    put("one.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    put("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    put("not.voxclay", b"{ \"voxclay\": 1, \"document\": 7 }");
+    put("newer.voxclay", b"{ \"voxclay\": 99, \"document\": {} }");
+    put("fold.voxclay", PROJECT.replace("[0.1, 0, 0.05]", "[0, 0, 0]").as_bytes());
+    put("bad.tf", b"voxclay transfer function 1\nwindow 3 1\n");
+    for (args, words) in [
+        (&["info", "nowhere.nrrd"][..], &["nowhere.nrrd"][..]),
+        (&["info", "empty.nrrd"], &["empty.nrrd"]),
+        (&["info", "cut.nrrd"], &["cut.nrrd"]),
+        (&["info", "huge.nrrd"], &["huge.nrrd"]),
+        (&["info", "zero.mha"], &["zero.mha"]),
+        (&["info", "empty.obj"], &["empty.obj"]),
+        (&["info", "readme.txt"], &["readme.txt", "expected"]),
+        (&["info", "phantom:nobody"], &["nobody", "head"]),
+        (&["info", "phantom:head:x"], &["phantom:NAME"]),
+        (&["convert", "cut.nrrd", "o.nii"], &["cut.nrrd"]),
+        (&["convert", "phantom:sphere:24", "o.obj"], &["one kind"]),
+        (&["convert", "phantom:sphere:24", "o.xyz"], &["o.xyz", "expected"]),
+        (&["convert", "phantom:sphere:24", "no/such/folder/o.nrrd"], &["o.nrrd"]),
+        (&["render", "cut.nrrd", "-o", "o.png"], &["cut.nrrd"]),
+        (&["render", "not.voxclay", "-o", "o.png"], &["not.voxclay"]),
+        (&["render", "newer.voxclay", "-o", "o.png"], &["newer.voxclay", "99"]),
+        (&["render", "fold.voxclay", "-o", "o.png"], &["fold.voxclay", "vector"]),
+        (&["render", "phantom:sphere:24", "--mesh", "empty.obj", "-o", "o.png"], &["empty.obj"]),
+        (&["render", "phantom:sphere:24", "--mesh", "auto:1e9", "-o", "o.png"], &["isovalue"]),
+        (&["render", "phantom:sphere:24", "--transfer", "lilac", "-o", "o.png"], &["lilac", "auto"]),
+        (&["render", "phantom:sphere:24", "--transfer", "bad.tf", "-o", "o.png"], &["bad.tf", "line 2"]),
+        (&["render", "phantom:sphere:24", "--iso", "nan", "-o", "o.png"], &["--iso"]),
+        (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--spacing", "0"], &["--spacing"]),
+        (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--spacing", "1e-9"], &["voxels"]),
+        (&["export", "phantom:sphere:24", "-o", "o.png"], &["o.png", "expected"]),
+    ] {
+        fails(&dir, args, words);
+    }
+    for name in ["o.nii", "o.obj", "o.xyz", "o.png", "o.nrrd"] {
+        assert!(!exists(&dir, name), "{name} was written");
+    }
+    assert!(left_over(&dir).is_empty());
+}
+
+/// What is not a clean solid is drawn as far as it can be.
+#[test]
+fn defective_meshes_are_drawn_with_a_warning() {
+    let dir = TempDir::new().unwrap();
+    let put = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    put("one.obj", "v -1 -1 0\nv 1 0 0.2\nv 0 1 0.1\nf 1 2 3\n");
+    let out = voxclay(&dir, &["render", "phantom:sphere:24", "--backend", "cpu", "--mesh", "one.obj", "--size", "32x32", "-o", "a.png"]);
+    assert_eq!(out.status.code(), Some(0));
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(said.contains("one.obj") && said.contains("triangle on one side only"), "{said}");
+    assert!(exists(&dir, "a.png"));
+}
+
+/// A stroke that would fold is shortened and says so, unless it is let through.
+#[test]
+fn strokes_that_fold_are_held_back() {
+    let dir = TempDir::new().unwrap();
+    let fold = PROJECT.replace("[0.1, 0, 0.05]", "[0.5, 0, 0]");
+    std::fs::write(dir.path().join("fold.voxclay"), &fold).unwrap();
+    std::fs::write(dir.path().join("let.voxclay"), fold.replace("\"stack\"", "\"allow_folds\": true, \"stack\"")).unwrap();
+    let run = |name: &str, out: &str| {
+        let out = voxclay(&dir, &["export", name, "-o", out, "--mode", "reference"]);
+        assert_eq!(out.status.code(), Some(0));
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    let held = run("fold.voxclay", "a.raw");
+    assert!(held.contains("'pull' is held back") && held.contains("of 0.500"), "{held}");
+    let free = run("let.voxclay", "b.raw");
+    assert!(!free.contains("held back"), "{free}");
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    assert_ne!(read("a.raw"), read("b.raw"));
+}
+
+/// A failed write leaves what was there before.
+#[test]
+fn an_old_file_survives_a_failure() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("o.png"), b"old").unwrap();
+    std::fs::write(dir.path().join("cut.nrrd"), b"NRRD0004\ntype: uchar\n").unwrap();
+    fails(&dir, &["render", "cut.nrrd", "-o", "o.png"], &["cut.nrrd"]);
+    assert_eq!(std::fs::read(dir.path().join("o.png")).unwrap(), b"old");
+}
+
+fn cube(dir: &Path) {
+    let mut text = String::new();
+    for i in 0..8 {
+        let c = |bit: usize| if i >> bit & 1 == 0 { -1 } else { 1 };
+        text += &format!("v {} {} {}\n", c(0), c(1), c(2));
+    }
+    text += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    std::fs::write(dir.join("cube.obj"), text).unwrap();
+}

@@ -1,0 +1,70 @@
+//! Every assembled shader is parsed and validated, and shared structs lie as in Rust. No adapter is needed.
+
+use std::mem::{offset_of, size_of};
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use voxclay::gpu::layout::{MapUniform, ObjectUniform, ResampleUniform, StepRecord};
+use voxclay::gpu::shader::{self, Variant};
+use voxclay::render::Frame;
+
+fn parsed(name: &str, source: &str) -> naga::Module {
+    naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(source)))
+}
+
+fn validate(name: &str, source: &str) {
+    let module = parsed(name, source);
+    if let Err(e) = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module) {
+        panic!("{name}: {}", e.emit_to_string(source));
+    }
+}
+
+#[test]
+fn every_variant_of_slicing_is_valid() {
+    let mut count = 0;
+    for v in Variant::all() {
+        let source = v.source();
+        validate(&format!("{v:?}"), &source);
+        assert!(source.contains(&format!("fn {}", v.mode.entry())));
+        count += 1;
+    }
+    assert_eq!(count, 384);
+}
+
+#[test]
+fn the_other_passes_are_valid() {
+    validate("resolve", &shader::resolve(false));
+    validate("resolve of the maximum", &shader::resolve(true));
+    validate("resample", &shader::resample());
+}
+
+/// Offsets of the members of a struct in a shader, and its size.
+fn layout_of(source: &str, name: &str) -> (Vec<(String, usize)>, usize) {
+    let module = parsed(name, source);
+    let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
+    let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+    (members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect(), *span as usize)
+}
+
+macro_rules! same_layout {
+    ($source:expr, $name:literal, $type:ty: $($field:ident),* $(,)?) => {{
+        let (members, size) = layout_of(&$source, $name);
+        let rust = vec![$((stringify!($field).to_string(), offset_of!($type, $field))),*];
+        // padding has a name of its own on each side
+        let members: Vec<_> = members.into_iter().filter(|(n, _)| !n.starts_with("pad")).collect();
+        assert_eq!(members, rust, $name);
+        assert_eq!(size, size_of::<$type>(), "size of {}", $name);
+    }};
+}
+
+#[test]
+fn shared_structs_lie_as_in_rust() {
+    let slicing = Variant::all().last().unwrap().source();
+    same_layout!(slicing, "Frame", Frame:
+        clip_from_local, eye, axis, light, dims, window, material, iso_color, background, size);
+    same_layout!(slicing, "Object", ObjectUniform: texel, jacobian);
+    same_layout!(slicing, "Map", MapUniform: target_from_local, count);
+    same_layout!(slicing, "Step", StepRecord:
+        kind, falloff, first, core, center, inverse_radius, vector, axis_u, cells_u, axis_v, cells_v, axis_w, cells_w);
+    same_layout!(shader::resample(), "Resample", ResampleUniform:
+        input_from_output, local_from_output, input, output, chunk, value);
+}
