@@ -269,6 +269,12 @@ fn a_drag_has_an_extent_that_does_not_fold() {
         // the point itself lies in the box
         assert!(d.support().contains(d.point()));
     }
+    let d = DisplacementVolume::strongest(DVec3::ONE, DVec3::new(0.0, 0.0, 9.0), 5.0).unwrap();
+    assert!((d.vector() - DVec3::Z * 2.0).length() < 1e-14 && (d.steepness() - 0.8).abs() < 1e-12);
+    // the most that material is stretched is fivefold
+    let stretch = (0..1000).map(|i| d.displaced() - DVec3::Z * (0.005 * f64::from(i)));
+    let least = stretch.map(|p| Deformer::Displacement(d).backward_with_jacobian(p).1.z_axis.z).fold(1.0, f64::min);
+    assert!((least - 0.2).abs() < 1e-2, "{least}");
 }
 
 #[test]
@@ -454,6 +460,14 @@ fn a_mirrored_stroke_is_the_mirror_image_of_the_stroke() {
             assert!((flip(d.backward(p)) - twin.backward(flip(p))).length() < 1e-12, "{d:?}");
         }
         assert!((twin.steepness() - d.steepness()).abs() < 1e-12);
+        let item =
+            Deformation { moves_shape: true, ..Deformation::new("pull", d.clone()) }.mirrored(origin, normal).unwrap();
+        assert!(
+            item.moves_shape
+                && item.enabled
+                && item.name == "pull (mirrored)"
+                && item.deformer == d.mirrored(origin, normal).unwrap()
+        );
         assert_eq!(d.mirrored(origin, DVec3::ZERO).unwrap_err(), DeformError::NoDirection);
     }
 }

@@ -85,6 +85,16 @@ impl DisplacementVolume {
         Self::new(point, vector, Extent { u: radius, v: radius, length: 3.0 * before }, None)
     }
 
+    /// The strongest pull of a round region that still looks like clay, stretched no more than fivefold: the vector is 0.4
+    /// of the radius long.
+    ///
+    /// # Errors
+    /// As [`DisplacementVolume::new`].
+    pub fn strongest(point: DVec3, towards: DVec3, radius: f64) -> Result<Self, DeformError> {
+        check_length("radius", radius)?;
+        Self::from_drag(point, direction(towards)? * (radius * DRAG_STEEPNESS / bspline::STEEPEST), radius)
+    }
+
     pub fn point(&self) -> DVec3 {
         self.point
     }

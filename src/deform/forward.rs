@@ -4,7 +4,8 @@ use glam::{DMat3, DVec3};
 
 use super::DeformError;
 use super::kernel::Kernel;
-use super::lattice::LatticeKernel;
+use super::lattice_kernel::LatticeKernel;
+use super::stack::with_gradient;
 
 /// Of a displacement in one fixed direction: a root along the line through `q`, in a bracket that always holds one.
 ///
@@ -52,16 +53,16 @@ fn crossings(g: &impl Fn(f64) -> (f64, f64), length: f64) -> usize {
 }
 
 /// Of a lattice: Newton's method with steps halved until they help, from the point moved once.
-pub(super) fn forward_lattice(kernel: &LatticeKernel, q: DVec3, size: f64) -> Result<DVec3, DeformError> {
-    let miss = |x: DVec3| x - kernel.displacement(x) - q;
+pub(super) fn forward_lattice(kernel: &LatticeKernel<f64>, q: DVec3, size: f64) -> Result<DVec3, DeformError> {
+    let miss = |x: DVec3| x - DVec3::from(kernel.displacement(x.to_array())) - q;
     let goal = 1e-14 * (size + q.length());
-    let mut x = q + kernel.displacement(q);
+    let mut x = q + DVec3::from(kernel.displacement(q.to_array()));
     let mut error = miss(x);
     for _ in 0..100 {
         if error.length() <= goal {
             break;
         }
-        let jacobian = DMat3::IDENTITY - kernel.displacement_with_gradient(x).1;
+        let jacobian = DMat3::IDENTITY - with_gradient(kernel, x).1;
         let determinant = jacobian.determinant();
         let step = if determinant > 1e-9 { jacobian.inverse() * error } else { error };
         let mut scale = 1.0;
@@ -84,7 +85,7 @@ pub(super) fn forward_lattice(kernel: &LatticeKernel, q: DVec3, size: f64) -> Re
     if error.is_nan() || error.length() > 100.0 * goal {
         return Err(DeformError::NotConverged { at: q });
     }
-    if (DMat3::IDENTITY - kernel.displacement_with_gradient(x).1).determinant() <= 0.0 {
+    if (DMat3::IDENTITY - with_gradient(kernel, x).1).determinant() <= 0.0 {
         return Err(DeformError::Folded { at: q });
     }
     Ok(x)

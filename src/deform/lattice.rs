@@ -2,8 +2,9 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::error::{check_length, check_vector, direction};
+use super::lattice_kernel::LatticeKernel;
 use super::{DeformError, Limited};
-use crate::math::{OrientedBox, bspline};
+use crate::math::OrientedBox;
 
 /// Handles along one side of a lattice.
 const LEAST: usize = 2;
@@ -186,7 +187,7 @@ impl Lattice {
             for y in 0..counts[1] {
                 for x in 0..counts[0] {
                     let knots = [x, y, z].map(|i| (i as f64 + 0.5) / n as f64);
-                    least = least.min((DMat3::IDENTITY - kernel.at_knots(knots).1).determinant());
+                    least = least.min((DMat3::IDENTITY - kernel.gradient_at_knots(knots)).determinant());
                 }
             }
         }
@@ -216,9 +217,9 @@ impl Lattice {
             .with_handles(handles)
     }
 
-    /// Handle vectors with two layers of zeros all round, in world axes.
+    /// Handle vectors with two layers of zeros all round, in the lattice's own axes.
     fn padded(&self) -> Vec<DVec3> {
-        // in the frame of the lattice, so that derivatives along its axes are the columns of one matrix
+        // so that derivatives along its axes are the columns of one matrix
         let to_local = self.axes.transpose();
         let [nx, ny, nz] = self.dims;
         let [mx, my, mz] = self.dims.map(|d| d + 4);
@@ -233,14 +234,9 @@ impl Lattice {
         padded
     }
 
-    pub(super) fn kernel(&self) -> LatticeKernel {
-        LatticeKernel {
-            corner: self.center - self.axes * self.half,
-            axes: self.axes,
-            inverse_step: 1.0 / self.step(),
-            cells: self.dims.map(|d| d + 2),
-            coefficients: self.padded(),
-        }
+    pub(super) fn kernel(&self) -> LatticeKernel<f64> {
+        let corner = self.center - self.axes * self.half;
+        LatticeKernel::new(corner, self.axes, self.step(), self.dims.map(|d| d + 2), &self.padded())
     }
 }
 
@@ -256,80 +252,4 @@ fn largest_eigenvalue(diagonal: [f64; 3], [xy, xz, yz]: [f64; 3]) -> f64 {
     let m = DMat3::from_cols_array(&[a - mean, xy, xz, xy, b - mean, yz, xz, yz, c - mean]) * (1.0 / p);
     let angle = (0.5 * m.determinant()).clamp(-1.0, 1.0).acos() / 3.0;
     mean + 2.0 * p * angle.cos()
-}
-
-/// A lattice ready to be evaluated.
-#[derive(Debug, Clone)]
-pub(super) struct LatticeKernel {
-    corner: DVec3,
-    axes: DMat3,
-    inverse_step: DVec3,
-    /// Knot intervals along each axis.
-    cells: [usize; 3],
-    /// Vectors in the lattice's own axes, with two layers of zeros all round.
-    coefficients: Vec<DVec3>,
-}
-
-impl LatticeKernel {
-    fn knots(&self, p: DVec3) -> [f64; 3] {
-        (self.axes.transpose() * (p - self.corner) * self.inverse_step).to_array()
-    }
-
-    fn inside(&self, knots: [f64; 3]) -> bool {
-        knots.iter().zip(self.cells).all(|(x, n)| *x > 0.0 && *x < n as f64)
-    }
-
-    /// The displacement at `p`.
-    pub fn displacement(&self, p: DVec3) -> DVec3 {
-        let knots = self.knots(p);
-        if !self.inside(knots) {
-            return DVec3::ZERO;
-        }
-        let cell = knots.map(|x| x as usize);
-        let [bx, by, bz] = std::array::from_fn(|a| bspline::basis(knots[a] - cell[a] as f64));
-        let [mx, my, _] = self.cells.map(|n| n + 2);
-        let mut sum = DVec3::ZERO;
-        for (k, wz) in bz.iter().enumerate() {
-            for (j, wy) in by.iter().enumerate() {
-                let row = ((cell[2] + k) * my + cell[1] + j) * mx + cell[0];
-                let c = &self.coefficients[row..row + 3];
-                sum += (c[0] * bx[0] + c[1] * bx[1] + c[2] * bx[2]) * (wy * wz);
-            }
-        }
-        self.axes * sum
-    }
-
-    /// The displacement and its derivative by world position.
-    pub fn displacement_with_gradient(&self, p: DVec3) -> (DVec3, DMat3) {
-        let knots = self.knots(p);
-        if !self.inside(knots) {
-            return (DVec3::ZERO, DMat3::ZERO);
-        }
-        let (sum, gradient) = self.at_knots(knots);
-        (self.axes * sum, self.axes * gradient * self.axes.transpose())
-    }
-
-    /// Displacement and derivative in the lattice's own axes, at a place inside given in knot intervals.
-    fn at_knots(&self, knots: [f64; 3]) -> (DVec3, DMat3) {
-        let cell = knots.map(|x| x as usize);
-        let fraction: [f64; 3] = std::array::from_fn(|a| knots[a] - cell[a] as f64);
-        let [bx, by, bz] = fraction.map(bspline::basis);
-        let [sx, sy, sz] = fraction.map(bspline::basis_slope);
-        let [mx, my, _] = self.cells.map(|n| n + 2);
-        let mut sum = DVec3::ZERO;
-        let mut gradient = DMat3::ZERO;
-        for k in 0..3 {
-            for j in 0..3 {
-                let row = ((cell[2] + k) * my + cell[1] + j) * mx + cell[0];
-                let c = &self.coefficients[row..row + 3];
-                let along = c[0] * bx[0] + c[1] * bx[1] + c[2] * bx[2];
-                sum += along * (by[j] * bz[k]);
-                gradient.x_axis += (c[0] * sx[0] + c[1] * sx[1] + c[2] * sx[2]) * (by[j] * bz[k]);
-                gradient.y_axis += along * (sy[j] * bz[k]);
-                gradient.z_axis += along * (by[j] * sz[k]);
-            }
-        }
-        let s = self.inverse_step;
-        (sum, DMat3::from_cols(gradient.x_axis * s.x, gradient.y_axis * s.y, gradient.z_axis * s.z))
-    }
 }

@@ -33,6 +33,7 @@ mod forward;
 mod grab;
 mod kernel;
 mod lattice;
+mod lattice_kernel;
 mod limit;
 mod prepared;
 mod stack;

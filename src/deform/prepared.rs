@@ -4,8 +4,8 @@ use glam::{DMat3, DVec3};
 
 use super::forward::{forward_along, forward_lattice};
 use super::kernel::{BallKernel, Kernel, SplineKernel};
-use super::lattice::LatticeKernel;
-use super::stack::outer;
+use super::lattice_kernel::LatticeKernel;
+use super::stack::{outer, with_gradient};
 use super::{DeformError, Deformer};
 use crate::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox, Real};
 
@@ -34,7 +34,7 @@ struct Step {
 enum AnyKernel<T> {
     Spline(SplineKernel<T>),
     Ball(BallKernel<T>),
-    Lattice(Arc<LatticeKernel>),
+    Lattice(Arc<LatticeKernel<T>>),
 }
 
 impl Prepared {
@@ -103,7 +103,7 @@ fn blocks<T: Real>(steps: &[Step], center: DVec3) -> Blocks<T> {
         kernel: match &s.kernel {
             AnyKernel::Spline(k) => AnyKernel::Spline(k.about(center)),
             AnyKernel::Ball(k) => AnyKernel::Ball(k.about(center)),
-            AnyKernel::Lattice(k) => AnyKernel::Lattice(k.clone()),
+            AnyKernel::Lattice(k) => AnyKernel::Lattice(Arc::new(k.about(center))),
         },
         bounds: std::array::from_fn(|a| [T::of(s.lower[a] - center[a]), T::of(s.upper[a] - center[a])]),
     };
@@ -132,7 +132,7 @@ impl BackwardMap for Prepared {
                 p -= match &step.kernel {
                     AnyKernel::Spline(k) => DVec3::from(k.vector()) * k.value(p.to_array()),
                     AnyKernel::Ball(k) => DVec3::from(k.vector()) * k.value(p.to_array()),
-                    AnyKernel::Lattice(k) => k.displacement(p),
+                    AnyKernel::Lattice(k) => DVec3::from(k.displacement(p.to_array())),
                 };
             }
         }
@@ -152,7 +152,7 @@ impl BackwardMap for Prepared {
             let (displacement, gradient) = match &step.kernel {
                 AnyKernel::Spline(k) => along(k.vector(), k.value_and_gradient(p.to_array())),
                 AnyKernel::Ball(k) => along(k.vector(), k.value_and_gradient(p.to_array())),
-                AnyKernel::Lattice(k) => k.displacement_with_gradient(p),
+                AnyKernel::Lattice(k) => with_gradient(k, p),
             };
             p -= displacement;
             jacobian -= gradient * jacobian;
@@ -239,15 +239,7 @@ impl<T: Real> BlockMap<T> for Blocks<T> {
             match &step.kernel {
                 AnyKernel::Spline(k) => k.displace(points),
                 AnyKernel::Ball(k) => k.displace(points),
-                AnyKernel::Lattice(k) => {
-                    for i in 0..BLOCK {
-                        let p = self.center + DVec3::new(points.x[i].wide(), points.y[i].wide(), points.z[i].wide());
-                        let d = k.displacement(p);
-                        points.x[i] -= T::of(d.x);
-                        points.y[i] -= T::of(d.y);
-                        points.z[i] -= T::of(d.z);
-                    }
-                }
+                AnyKernel::Lattice(k) => k.displace(points),
             }
             bounds = points.bounds();
         }
@@ -266,20 +258,7 @@ impl<T: Real> BlockMap<T> for Blocks<T> {
             match &step.kernel {
                 AnyKernel::Spline(k) => k.displace_with_jacobian(points, jacobian),
                 AnyKernel::Ball(k) => k.displace_with_jacobian(points, jacobian),
-                AnyKernel::Lattice(k) => {
-                    for i in 0..BLOCK {
-                        let p = self.center + DVec3::new(points.x[i].wide(), points.y[i].wide(), points.z[i].wide());
-                        let (d, gradient) = k.displacement_with_gradient(p);
-                        points.x[i] -= T::of(d.x);
-                        points.y[i] -= T::of(d.y);
-                        points.z[i] -= T::of(d.z);
-                        let before = DMat3::from_cols_array(&std::array::from_fn(|e| jacobian.entry[e][i].wide()));
-                        let after = (before - gradient * before).to_cols_array();
-                        for (entry, value) in jacobian.entry.iter_mut().zip(after) {
-                            entry[i] = T::of(value);
-                        }
-                    }
-                }
+                AnyKernel::Lattice(k) => k.displace_with_jacobian(points, jacobian),
             }
             bounds = points.bounds();
         }

@@ -3,6 +3,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::kernel::Kernel;
+use super::lattice_kernel::LatticeKernel;
 use super::{DeformError, DisplacementVolume, Grab, Lattice, Limit, Limited, Prepared};
 use crate::math::{BackwardMap, OrientedBox};
 use crate::mesh::TriMesh;
@@ -84,7 +85,7 @@ impl BackwardMap for Deformer {
         match self {
             Self::Displacement(d) => p - d.vector() * d.kernel(DVec3::ZERO).value(p.to_array()),
             Self::Grab(g) => p - g.vector() * g.kernel(DVec3::ZERO).value(p.to_array()),
-            Self::Lattice(l) => p - l.kernel().displacement(p),
+            Self::Lattice(l) => p - DVec3::from(l.kernel().displacement(p.to_array())),
         }
     }
 
@@ -93,7 +94,7 @@ impl BackwardMap for Deformer {
         let (displacement, gradient) = match self {
             Self::Displacement(d) => along(d.vector(), d.kernel(DVec3::ZERO).value_and_gradient(p.to_array())),
             Self::Grab(g) => along(g.vector(), g.kernel(DVec3::ZERO).value_and_gradient(p.to_array())),
-            Self::Lattice(l) => l.kernel().displacement_with_gradient(p),
+            Self::Lattice(l) => with_gradient(&l.kernel(), p),
         };
         (p - displacement, DMat3::IDENTITY - gradient)
     }
@@ -106,6 +107,12 @@ impl BackwardMap for Deformer {
 /// `a b^T`.
 pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// A lattice's displacement and its derivative.
+pub(super) fn with_gradient(kernel: &LatticeKernel<f64>, p: DVec3) -> (DVec3, DMat3) {
+    let (d, gradient) = kernel.displacement_with_gradient(p.to_array());
+    (d.into(), DMat3::from_cols_array_2d(&gradient))
 }
 
 /// A deformer in a document.
@@ -130,6 +137,15 @@ impl Deformation {
     /// Enabled, of the interior only.
     pub fn new(name: impl Into<String>, deformer: Deformer) -> Self {
         Self { name: name.into(), deformer, moves_shape: false, enabled: true }
+    }
+
+    /// The same on the other side of the plane through `origin` across `normal`; the name says so.
+    ///
+    /// # Errors
+    /// If the normal has no direction.
+    pub fn mirrored(&self, origin: DVec3, normal: DVec3) -> Result<Self, DeformError> {
+        let name = format!("{} (mirrored)", self.name).trim_start().to_owned();
+        Ok(Self { name, deformer: self.deformer.mirrored(origin, normal)?, ..*self })
     }
 }
 

@@ -23,6 +23,8 @@ pub trait Real:
     fn magnitude(self) -> Self;
     fn root(self) -> Self;
     fn inverse(self) -> Self;
+    /// The largest whole number that is not larger; 0 for negative numbers and NaN.
+    fn floor_index(self) -> usize;
 
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
@@ -57,6 +59,10 @@ macro_rules! real {
             #[inline(always)]
             fn inverse(self) -> Self {
                 1.0 / self
+            }
+            #[inline(always)]
+            fn floor_index(self) -> usize {
+                self as usize
             }
         }
     };
