@@ -1,5 +1,8 @@
 //! Shading of a group of fragments, as the contract in the module's page says.
 
+// lanes of several arrays run side by side: an index says it best, and is what vectorises
+#![allow(clippy::needless_range_loop)]
+
 use glam::{Mat4, Vec4};
 
 use super::sampler::{LANES, Lanes, MAGIC, Texel, integer};
@@ -336,7 +339,7 @@ fn log2(x: f32) -> f32 {
     let mantissa = f32::from_bits((bits - (exponent << 23)) as u32);
     let t = (mantissa - 1.0) / (mantissa + 1.0);
     let t2 = t * t;
-    exponent as f32 + t * (2.885_390_1 + t2 * (0.961_796_7 + t2 * 0.577_078_04))
+    exponent as f32 + t * (2.885_39 + t2 * (0.961_796_7 + t2 * 0.577_078_04))
 }
 
 /// 2 to the power of a value not above 0, to 1e-6 of it; 2^-126 below that.
@@ -346,7 +349,7 @@ fn exp2(y: f32) -> f32 {
     let rounded = y + MAGIC;
     let f = y - (rounded - MAGIC);
     let p = 1.0
-        + f * (0.693_147_2
+        + f * (std::f32::consts::LN_2
             + f * (0.240_226_5 + f * (0.055_504_11 + f * (0.009_618_13 + f * (0.001_333_36 + f * 0.000_154_04)))));
     let scale = f32::from_bits(((integer(rounded) + 127) << 23) as u32);
     p * scale
