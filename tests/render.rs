@@ -361,7 +361,7 @@ fn types_and_shapes_agree_with_the_reference() {
             if dims == [1, 1, 1] {
                 // its range has no width: everything is 0
                 case.tf = transfer(&[(0.0, [0.8, 0.4, 0.2], 0.3)]);
-                assert_eq!(case.render().pixels.iter().filter(|p| p[0] > p[2]).count() > 20, true);
+                assert!(case.render().pixels.iter().filter(|p| p[0] > p[2]).count() > 20);
                 continue;
             }
             case.agrees(48.0, &format!("{dims:?} type {i}"));
@@ -633,7 +633,8 @@ fn one_slice(points: &[[f64; 2]], indices: Vec<u32>, size: u32, projection: Proj
             jacobian: [0.0; 9],
         })
         .collect();
-    let slices = vec![0..indices.len() as u32];
+    let all = 0..indices.len() as u32;
+    let slices = [all].to_vec();
     let geometry = SliceGeometry { center: camera.target, vertices, indices, slices, distance: 1.0 };
     let look = Look { lit: false, transparent: true, preintegrated: false, ..Default::default() };
     let frame = Frame::new(&camera, &look, &field, [0.0, 1.0], &geometry, size, size);

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use super::picture::srgb_code;
 use super::raster::{Bins, project};
 use super::sampler::{Sampler, Texel};
+use super::shade::FINISHED;
 use super::skip::Skip;
 use super::tile::{HEIGHT, Scene, Tile, WIDTH};
 use super::{ClassTable, Exact, Field, Frame, Picture, SliceGeometry, TexelSlice};
@@ -93,6 +94,8 @@ fn finish(sums: impl Iterator<Item = [f32; 4]>, y: usize, frame: &Frame) -> Vec<
         } else if frame.size[2] == Frame::MIP {
             let grey = (r * 255.0 + 0.5) as u8;
             [grey, grey, grey, 255]
+        } else if a > 1.0 - FINISHED {
+            coded([r / a, g / a, b / a], 255)
         } else if transparent {
             coded([r / a, g / a, b / a], (a.min(1.0) * 255.0 + 0.5) as u8)
         } else {

@@ -50,7 +50,7 @@ impl Skip {
             return false;
         }
         let blocks = |v: [f32; 3]| -> [usize; 3] {
-            std::array::from_fn(|axis| ((v[axis] as usize) / BLOCK).min(self.levels[0].0[axis] - 1))
+            std::array::from_fn(|axis| (v[axis] as i32 as usize / BLOCK).min(self.levels[0].0[axis] - 1))
         };
         let (lo, hi) = (blocks(lo), blocks(hi));
         let widest = (0..3).map(|axis| hi[axis].saturating_sub(lo[axis])).max().unwrap_or(0);

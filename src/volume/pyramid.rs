@@ -108,9 +108,16 @@ fn join<T: Scalar>(a: (T, T), b: (T, T)) -> (T, T) {
 }
 
 fn bounds_of<T: Scalar>(row: &[T], channels: usize, channel: usize) -> Option<(T, T)> {
-    let mut values = row.iter().skip(channel).step_by(channels).copied().filter(|v| v.partial_cmp(v).is_some());
-    let first = values.next()?;
-    Some(values.fold((first, first), |b, v| join(b, (v, v))))
+    let comparable = |v: &&T| v.partial_cmp(v).is_some();
+    // what does not compare is neither below nor above
+    let widen = |b: (T, T), v: &T| join(b, (*v, *v));
+    if channels == 1 {
+        let first = *row.iter().find(comparable)?;
+        return Some(row.iter().fold((first, first), widen));
+    }
+    let values = || row.iter().skip(channel).step_by(channels);
+    let first = *values().find(comparable)?;
+    Some(values().fold((first, first), widen))
 }
 
 #[cfg(test)]
