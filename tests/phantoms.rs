@@ -27,7 +27,7 @@ fn values(v: &Volume) -> Vec<f64> {
 fn every_phantom_has_its_type_range_and_centre() {
     use ScalarType::{F32, I16, U8, U16};
     let expected = [
-        (Phantom::Head, I16, -1000.0, 2700.0, 2000.0),
+        (Phantom::Head, I16, -1000.0, 2700.0, 1500.0),
         (Phantom::Engine, U8, 0.0, 255.0, 230.0),
         (Phantom::Orange, U8, 0.0, 255.0, 200.0),
         (Phantom::Carp, U16, 0.0, 2600.0, 1800.0),

@@ -226,7 +226,7 @@ fn skeleton(p: Vec3, at: &Place) -> f32 {
 
 impl Model for Carp {
     fn bounds(&self) -> [Vec3; 2] {
-        [v(-44.0, -166.0, -74.0), v(44.0, 166.0, 88.0)]
+        [v(-54.0, -168.0, -78.0), v(54.0, 168.0, 92.0)]
     }
 
     fn shapes(&self) -> &[Shape] {
