@@ -226,7 +226,7 @@ fn skeleton(p: Vec3, at: &Place) -> f32 {
 
 impl Model for Carp {
     fn bounds(&self) -> [Vec3; 2] {
-        [v(-44.0, -166.0, -74.0), v(44.0, 166.0, 88.0)]
+        [v(-56.0, -170.0, -90.0), v(56.0, 170.0, 104.0)]
     }
 
     fn shapes(&self) -> &[Shape] {

@@ -357,7 +357,7 @@ fn teeth() -> (Shape, Shape) {
 /// Where the neck's vertebrae sit: the middle of the vertebral body at height `z`.
 fn spine_at(z: f32) -> Vec3 {
     let t = (z + 50.0) / -116.0;
-    v(0.0, 25.0 + 6.0 * t + 7.0 * (std::f32::consts::PI * t).sin() * -1.0, z)
+    v(0.0, 25.0 + 6.0 * t - 7.0 * (std::f32::consts::PI * t).sin(), z)
 }
 
 fn spine() -> Shape {

@@ -5,7 +5,7 @@
 //! The pictorial phantoms are solids built from signed distances with smooth set operations (Quilez' quadratic smooth
 //! minimum), layered into materials by depth and textured with gradient noise (Perlin 2002) and cellular noise (Worley
 //! 1996). Every border is a smooth ramp about two voxels wide, which is what a scanner's point spread does, so that
-//! gradients are clean at any size. A block of voxels evaluates only the primitives that can matter in it ([`sdf`]).
+//! gradients are clean at any size. A block of voxels evaluates only the primitives that can matter in it (`sdf.rs`).
 //! The analytic phantoms sample a closed formula; [`Phantom::analytic`] gives its value anywhere.
 //!
 //! # Practice

@@ -12,13 +12,13 @@ pub fn hash(p: IVec3) -> u32 {
     h = h.wrapping_mul(0x7feb_352d);
     h ^= h >> 15;
     h = h.wrapping_mul(0x846c_a68b);
-    h ^ h >> 16
+    h ^ (h >> 16)
 }
 
 /// 0 to 1 from one of the three bytes-and-a-bit of a hash (`part` 0, 1 or 2).
 #[inline]
 pub fn unit(h: u32, part: u32) -> f32 {
-    (h >> (10 * part) & 0x3ff) as f32 * (1.0 / 1023.0)
+    ((h >> (10 * part)) & 0x3ff) as f32 * (1.0 / 1023.0)
 }
 
 #[inline]

@@ -45,7 +45,7 @@ impl Orange {
         for i in 0..SEGMENTS {
             let h = hash(glam::IVec3::new(i as i32, 7, 3));
             // two segments in three carry a seed, close to the core
-            if h % 3 == 0 {
+            if h.is_multiple_of(3) {
                 continue;
             }
             let a = segment_middle(i) + 0.12 * (unit(h, 0) - 0.5);

@@ -185,8 +185,11 @@ fn spine_at(z: f32) -> Vec3 {
     v(0.0, 40.0 + 20.0 * (std::f32::consts::PI * t).sin() - 14.0 * t, z)
 }
 
+/// Points and radii along a rod.
+type Course = Vec<(Vec3, f32)>;
+
 /// Points of rib `i` (0 to 11) on the left, from the spine to its front end; and from there to the breastbone.
-fn rib(i: usize) -> (Vec<(Vec3, f32)>, Vec<(Vec3, f32)>) {
+fn rib(i: usize) -> (Course, Course) {
     const WIDTH: [f32; 12] = [56.0, 80.0, 97.0, 109.0, 117.0, 123.0, 126.0, 127.0, 125.0, 119.0, 108.0, 96.0];
     const DEPTH: [f32; 12] = [46.0, 60.0, 69.0, 75.0, 79.0, 82.0, 83.0, 83.0, 81.0, 77.0, 72.0, 68.0];
     const DROP: [f32; 12] = [26.0, 42.0, 52.0, 60.0, 66.0, 72.0, 76.0, 76.0, 72.0, 60.0, 40.0, 26.0];

@@ -79,9 +79,9 @@ impl Window {
         if hi.is_finite() && hi > lo && (hi - lo).is_finite() {
             return [lo, hi];
         }
-        // a constant or unusable range: one unit up, or the smallest step that the number can show
-        let up = lo + 1.0;
-        [lo, if up > lo { up } else { lo + lo.abs() * 1e-6 }]
+        // a constant or unusable range: one unit up, or a step that the number can show
+        let lo = lo.clamp(-1e300, 1e300);
+        [lo, lo + (lo.abs() * 1e-6).max(1.0)]
     }
 }
 
