@@ -114,7 +114,8 @@ pub fn run(args: &Args) -> Result<Answer> {
     let r = &outcome.report;
     let mut text =
         format!("{}: {x} x {y} x {z}, {mode}, {:.0} ms; {} voxels moved\n", args.output.display(), outcome.ms, r.moved);
-    if let Some(n) = r.clipped.filter(|n| *n > 0) {
+    if r.clipped > 0 {
+        let n = r.clipped;
         text.push_str(&format!(
             "  {n} voxels of the object were pulled out of the grid and are not in the file; leave out --same-grid to keep them\n"
         ));
