@@ -56,7 +56,7 @@ impl Prepared {
             })
             .collect();
         let bounds = steps.iter().map(|s| (s.lower, s.upper)).reduce(|(al, au), (bl, bu)| (al.min(bl), au.max(bu)));
-        Self { blocks: blocks(&steps, DVec3::ZERO), steps, bounds, feature }
+        Self { blocks: blocks(steps.iter(), DVec3::ZERO), steps, bounds, feature }
     }
 
     /// Whether nothing is deformed.
@@ -76,7 +76,30 @@ impl Prepared {
 
     /// An evaluator of blocks of points relative to `center`.
     pub fn blocks<T: Real>(&self, center: DVec3) -> Blocks<T> {
-        blocks(&self.steps, center)
+        blocks(self.steps.iter(), center)
+    }
+
+    /// The same for the points of the parallelepiped about `center` with these half edges (columns) only: without the
+    /// deformers that cannot touch one of them, wherever those before may have moved it.
+    pub fn blocks_near<T: Real>(&self, center: DVec3, half_edges: DMat3) -> Blocks<T> {
+        let mut wander = 0.0;
+        let near = self.steps.iter().filter(|s| {
+            let local = s.support.axes.transpose();
+            let edges = local * half_edges;
+            let reach = edges.x_axis.abs() + edges.y_axis.abs() + edges.z_axis.abs() + wander;
+            let gap = (local * (center - s.support.center)).abs() - s.support.half - reach;
+            // the margin covers the rounding of `f32`
+            let touches = gap.max_element() <= 1e-5 * s.support.half.max_element();
+            if touches {
+                wander += match &s.kernel {
+                    AnyKernel::Spline(k) => DVec3::from(k.vector()).length(),
+                    AnyKernel::Ball(k) => DVec3::from(k.vector()).length(),
+                    AnyKernel::Lattice(_) => f64::INFINITY,
+                };
+            }
+            touches
+        });
+        blocks(near, center)
     }
 
     /// Where the undeformed point `q` is seen. See [`super::Stack::forward`].
@@ -98,7 +121,7 @@ impl Prepared {
     }
 }
 
-fn blocks<T: Real>(steps: &[Step], center: DVec3) -> Blocks<T> {
+fn blocks<'a, T: Real>(steps: impl Iterator<Item = &'a Step>, center: DVec3) -> Blocks<T> {
     let block_step = |s: &Step| BlockStep {
         kernel: match &s.kernel {
             AnyKernel::Spline(k) => AnyKernel::Spline(k.about(center)),
@@ -107,7 +130,7 @@ fn blocks<T: Real>(steps: &[Step], center: DVec3) -> Blocks<T> {
         },
         bounds: std::array::from_fn(|a| [T::of(s.lower[a] - center[a]), T::of(s.upper[a] - center[a])]),
     };
-    Blocks { center, steps: steps.iter().map(block_step).collect() }
+    Blocks { center, steps: steps.map(block_step).collect() }
 }
 
 impl Step {

@@ -24,6 +24,12 @@ pub(super) struct Found {
 /// At least this many points are looked at, if there are as many.
 const LEAST_BUDGET: f64 = 1e6;
 
+/// Otherwise at most this part of the voxels of the output.
+const SHARE: f64 = 0.125;
+
+/// Layers about the output that count separately: most clipped material lies close to the grid.
+const SKIN: i64 = 3;
+
 /// The greatest step from one looked-at voxel to the next.
 const LARGEST_STEP: i64 = 1 << 40;
 
@@ -65,7 +71,7 @@ fn step(parts: &[Span], budget: f64) -> i64 {
 /// Searches what is in `region` but not in `hole`, both on the lattice of `grid`; returns also the step.
 fn search<T: Fetch>(job: &Job<'_, T>, grid: &Grid, region: Span, hole: &Span) -> (Found, i64) {
     let parts = around(region, hole);
-    let s = step(&parts, grid.len() as f64);
+    let s = step(&parts, SHARE * grid.len() as f64);
     let mut all = Found::default();
     for part in parts {
         // each looked-at voxel stands in the middle of those it speaks for
@@ -101,7 +107,9 @@ pub(super) fn grow<T: Fetch>(job: &Job<'_, T>, grid: &Grid, candidate: Span, lim
     let mut region = candidate;
     loop {
         let (found, step) = search(job, grid, region, &own);
-        let smaller = found.span.map_or(own, |span| own.hull(span.within(&region)));
+        // material hangs together: what was not looked at is not far from the grid or from what was found
+        let near = if step == 1 { own } else { own.widened(step).within(&region) };
+        let smaller = found.span.map_or(near, |span| near.hull(span.within(&region)));
         if step == 1 || smaller == region {
             return match smaller.voxels() {
                 Some(n) if n <= limit => Ok(smaller),
@@ -114,7 +122,11 @@ pub(super) fn grow<T: Fetch>(job: &Job<'_, T>, grid: &Grid, candidate: Span, lim
 
 /// Voxels in `reached`, on the lattice of `grid` but outside it, that hold material.
 pub(super) fn clipped<T: Fetch>(job: &Job<'_, T>, grid: &Grid, reached: Span) -> u64 {
-    search(job, grid, reached, &Span::of(grid)).0.voxels
+    let own = Span::of(grid);
+    let skin = own.widened(SKIN).within(&reached);
+    let count = |region: Span, hole: &Span| search(job, grid, region, hole).0.voxels;
+    // a grid apart from all material has no skin
+    if skin.voxels().is_none() { count(reached, &own) } else { count(skin, &own) + count(reached, &own.widened(SKIN)) }
 }
 
 #[cfg(test)]

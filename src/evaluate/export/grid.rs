@@ -119,6 +119,11 @@ impl Span {
         }
     }
 
+    /// With so many layers more on each side.
+    pub fn widened(self, by: i64) -> Self {
+        Self { lo: self.lo.map(|v| v - by), hi: self.hi.map(|v| v + by) }
+    }
+
     pub fn within(self, other: &Self) -> Self {
         Self {
             lo: std::array::from_fn(|a| self.lo[a].max(other.lo[a])),

@@ -34,7 +34,7 @@ mod shift;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 pub use grid::GridChoice;
@@ -89,9 +89,10 @@ impl Default for ExportOptions {
 ///
 /// The export needs nothing beyond [`BackwardMap`]; maps that can work off many points at once say so here.
 pub trait ExportMap: BackwardMap {
-    /// An evaluator for points in the neighbourhood of `center` (world), if there is a fast one.
-    fn blocks_near(&self, center: DVec3) -> Option<Box<dyn BlockMap<f32> + '_>> {
-        let _ = center;
+    /// An evaluator for the points of the parallelepiped about `center` (world) with these half edges (columns), if there is
+    /// a fast one.
+    fn blocks_near(&self, center: DVec3, half_edges: DMat3) -> Option<Box<dyn BlockMap<f32> + '_>> {
+        let _ = (center, half_edges);
         None
     }
 }
@@ -99,8 +100,8 @@ pub trait ExportMap: BackwardMap {
 impl ExportMap for Identity {}
 
 impl ExportMap for Prepared {
-    fn blocks_near(&self, center: DVec3) -> Option<Box<dyn BlockMap<f32> + '_>> {
-        Some(Box::new(self.blocks(center)))
+    fn blocks_near(&self, center: DVec3, half_edges: DMat3) -> Option<Box<dyn BlockMap<f32> + '_>> {
+        Some(Box::new(Self::blocks_near::<f32>(self, center, half_edges)))
     }
 }
 

@@ -159,8 +159,11 @@ impl Shifts {
 
     /// By the way that suits the map.
     pub fn fill(&mut self, frame: &Frame, map: &dyn ExportMap, supports: &Supports, block: &Block) {
-        let center = frame.world_from_out.transform_point3(block.middle().0);
-        match map.blocks_near(center) {
+        // all lanes of a row are evaluated, also those beyond the block
+        let full = Block { size: [ROW, block.size[1], block.size[2]], ..*block };
+        let (middle, half) = full.middle();
+        let center = frame.world_from_out.transform_point3(middle);
+        match map.blocks_near(center, frame.world_from_out.matrix3 * glam::DMat3::from_diagonal(half)) {
             Some(blocks) => self.in_blocks(frame, blocks.as_ref(), block),
             None => self.interpolated(frame, map, supports, block),
         }
