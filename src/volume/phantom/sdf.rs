@@ -154,7 +154,8 @@ impl Solid {
     /// A bound on how fast the distance changes.
     fn slope(&self) -> f32 {
         match *self {
-            Self::Ellipsoid { .. } => 1.8,
+            // the first-order distance is steeper the flatter the ellipsoid
+            Self::Ellipsoid { inv, least, .. } => (1.0 / (inv.min_element() * least)).max(1.8),
             Self::Cone { inv_len2, dr, .. } => 1.0 + dr.abs() * inv_len2.sqrt(),
             _ => 1.0,
         }
