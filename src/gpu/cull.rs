@@ -304,8 +304,8 @@ mod tests {
                 }
             }
             let share = drawn as f64 / (2500 * N) as f64;
-            // the ball fills 1.2 % of the box, the blocks that it touches some 8 %
-            assert!((0.012..0.15).contains(&share), "{share}");
+            // the ball fills 1.2 % of the box; leaves of 16 voxels that touch a block of it fill 48 x 25 x 64 of 64^3 at most
+            assert!((0.012..0.29).contains(&share), "{share}");
         }
     }
 
