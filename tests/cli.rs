@@ -51,7 +51,7 @@ fn has_keys(value: &Value, keys: &[&str]) {
 const PROJECT: &str = r#"{ "voxclay": 1, "document": {
     "volume": { "phantom": { "name": "sphere", "size": 40 } },
     "stack": [ { "name": "pull", "deformer": { "tool": "displacement",
-        "point": [0, 0, 0], "vector": [0.1, 0, 0.05], "extent": { "u": 0.5, "v": 0.5, "length": 1.5 } } } ] } }"#;
+        "point": [0, 0, 0], "vector": [6, 0, 3], "extent": { "u": 30, "v": 30, "length": 90 } } } ] } }"#;
 
 #[test]
 fn every_verb_has_help_with_an_example() {
@@ -173,7 +173,7 @@ fn bad_input_gets_one_sentence_and_leaves_nothing() {
     put("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     put("not.voxclay", b"{ \"voxclay\": 1, \"document\": 7 }");
     put("newer.voxclay", b"{ \"voxclay\": 99, \"document\": {} }");
-    put("fold.voxclay", PROJECT.replace("[0.1, 0, 0.05]", "[0, 0, 0]").as_bytes());
+    put("fold.voxclay", PROJECT.replace("[6, 0, 3]", "[0, 0, 0]").as_bytes());
     put("bad.tf", b"voxclay transfer function 1\nwindow 3 1\n");
     for (args, words) in [
         (&["info", "nowhere.nrrd"][..], &["nowhere.nrrd"][..]),
@@ -227,7 +227,7 @@ fn defective_meshes_are_drawn_with_a_warning() {
 #[test]
 fn strokes_that_fold_are_held_back() {
     let dir = TempDir::new().unwrap();
-    let fold = PROJECT.replace("[0.1, 0, 0.05]", "[0.5, 0, 0]");
+    let fold = PROJECT.replace("[6, 0, 3]", "[30, 0, 0]");
     std::fs::write(dir.path().join("fold.voxclay"), &fold).unwrap();
     std::fs::write(dir.path().join("let.voxclay"), fold.replace("\"stack\"", "\"allow_folds\": true, \"stack\"")).unwrap();
     let run = |name: &str, out: &str| {
@@ -236,7 +236,7 @@ fn strokes_that_fold_are_held_back() {
         String::from_utf8_lossy(&out.stderr).into_owned()
     };
     let held = run("fold.voxclay", "a.raw");
-    assert!(held.contains("'pull' is held back") && held.contains("of 0.500"), "{held}");
+    assert!(held.contains("'pull' is held back") && held.contains("of 30.000"), "{held}");
     let free = run("let.voxclay", "b.raw");
     assert!(!free.contains("held back"), "{free}");
     let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();

@@ -99,11 +99,13 @@ fn without_subdivision_views_disagree() {
 fn the_error_falls_by_four_per_level() {
     let object = load(&document(true), Path::new("")).unwrap();
     let camera = &cameras(&object, |_| Projection::Orthographic)[5];
-    let errors: Vec<f64> =
-        (2..5).map(|d| worst(&object, &slices(&object, camera, &options(Refinement::Depth(d))).unwrap())).collect();
+    let errors: Vec<f64> = (3..6)
+        .map(|d| GeometryOptions { slices: Some(8), ..options(Refinement::Depth(d)) })
+        .map(|o| worst(&object, &slices(&object, camera, &o).unwrap()))
+        .collect();
     for pair in errors.windows(2) {
         let ratio = pair[0] / pair[1];
-        assert!((2.8..6.0).contains(&ratio), "{errors:?}");
+        assert!((3.2..4.8).contains(&ratio), "{errors:?}");
     }
 }
 
