@@ -174,7 +174,7 @@ fn sections(mesh: &TriMesh, direction: DVec3, n: usize) -> (Planes, Slices) {
 #[test]
 fn simple_polygons() {
     let square = points(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]);
-    check_simple(&Owned::plane(&[&[square.clone()]]).view());
+    check_simple(&Owned::plane(&[std::slice::from_ref(&square)]).view());
     check_simple(&Owned::plane(&[&[points(&[(0.0, 0.0), (1.0, 0.5), (0.3, 2.0)])]]).view());
     // collinear points on every side
     let dense: Vec<DVec2> = (0..4)

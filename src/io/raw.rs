@@ -1,6 +1,6 @@
 //! Raw volumes: `NAME.raw`, samples only, with `NAME.json` beside it to say what they are.
 //!
-//! The JSON object has `dims` [x,y,z] and `type` (u8, i8, u16, i16, u32, i32, f32, f64); `spacing` and `origin` are 1 and 0
+//! The JSON object has `dims` `[x, y, z]` and `type` (u8, i8, u16, i16, u32, i32, f32, f64); `spacing` and `origin` are 1 and 0
 //! where they are not given. Voxel (i,j,k) has its centre at `origin + direction * (spacing * (i,j,k))`; `direction`, three
 //! rows, is the identity where it is not given. Also understood: `channels` (or `components`), `endian`, `space` (RAS, LPS),
 //! `slope` and `intercept`, and `file`, which names the samples where `NAME.raw` is not there. Other keys are passed over.

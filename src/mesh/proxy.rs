@@ -7,7 +7,7 @@
 //!
 //! 1. The voxels above the isovalue are gathered in boxes, about 64 along each axis, each as tight as its voxels allow and
 //!    grown by a margin. D(p) is the distance from p to the nearest box.
-//! 2. A lattice is chosen so coarse that its surface net ([`super::nets`]) has the wanted number of triangles. Nodes with
+//! 2. A lattice is chosen so coarse that its surface net (`nets.rs`) has the wanted number of triangles. Nodes with
 //!    D <= r are inside; r is half the diagonal of a cell at first, so that no box is missed. The set is made well-composed
 //!    and its cavities are filled: the net is a closed manifold.
 //! 3. Vertices start where D = r along the lattice edges. Those of triangles that touch a box (separating axes) are pushed
