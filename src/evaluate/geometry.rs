@@ -18,7 +18,7 @@ use crate::render::{Camera, Projection, SliceGeometry, SliceVertex};
 use crate::slice::{Planes, Slicer, Slices, box_section};
 use crate::subdivide::{NextSlice, Refiner, Rule, Smallest, Supports, Texturing, corners};
 use crate::tessellate::regions::Cutter;
-use crate::tessellate::{Method, Outlines, Tessellator, Triangulation};
+use crate::tessellate::{Limits, Method, Outlines, Tessellator, Triangulation};
 
 /// When triangles inside displacement volumes are fine enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +97,12 @@ pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Re
         blocks: prepared.blocks(center),
         prepared: &prepared,
         rule: rule(object, options),
+        method: match options.refinement {
+            // while something moves
+            Refinement::Depth(_) => Method::Fast,
+            // well-shaped triangles need fewer splits for the same error
+            Refinement::Tolerance(_) => Method::Quality(Limits::default()),
+        },
         pixel: pixel(camera, options.size),
     };
     // runs of planes, so that buffers are made once per run and not per plane
@@ -191,6 +197,8 @@ struct Maker<'a> {
     blocks: Blocks<f32>,
     supports: Supports,
     rule: Rule<'static>,
+    /// How planes that meet boxes are triangulated.
+    method: Method,
     /// See [`pixel`].
     pixel: f64,
 }
@@ -265,7 +273,7 @@ impl Maker<'_> {
 
     /// A plane that meets boxes.
     fn cut(&self, plane: &Plane, scratch: &mut Scratch, part: &mut Part) {
-        let regions = scratch.cutter.cut(self.all, plane.k, &self.cuts[plane.k], Method::Fast);
+        let regions = scratch.cutter.cut(self.all, plane.k, &self.cuts[plane.k], self.method);
         let base = part.vertices.len() as u32;
         self.affine(plane, &regions.outside.points, part);
         self.affine(plane, &regions.outside.extra, part);
