@@ -56,6 +56,7 @@ fn draw<T: Texel, const C: usize>(
         back: mode == Frame::ISO || (mode == Frame::VOLUME && table.preintegrated),
         per_voxel: [0, 1, 2].map(|a: usize| 0.5 * frame.dims[a] * h),
         local_from_clip: clip.inverse(),
+        arch: pulp::Arch::new(),
     };
     let across = (width as usize).div_ceil(WIDTH);
     let down = (height as usize).div_ceil(HEIGHT);

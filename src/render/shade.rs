@@ -32,6 +32,7 @@ const ALL: u32 = (1 << LANES) - 1;
 
 impl Tile {
     /// Shades the fragments of `mask` at pixels `at..at + LANES`; returns those that became opaque.
+    #[inline(always)]
     pub fn group<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>, at: usize, mask: u32) -> u32 {
         let front: [Lanes; 3] = std::array::from_fn(|a| lanes(&self.front[a], at));
         let mask = mask & inside(&front);

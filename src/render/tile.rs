@@ -32,11 +32,28 @@ pub struct Scene<'a, T: Texel, const C: usize> {
     /// From texture-space differences over two texels to window units per voxel.
     pub per_voxel: [f32; 3],
     pub local_from_clip: DMat4,
+    /// What the processor can do, asked once.
+    pub arch: pulp::Arch,
 }
 
 impl<'a, T: Texel, const C: usize> Scene<'a, T, C> {
     pub fn has_gradient(&self) -> bool {
         self.frame.has(Frame::LIT) && self.frame.size[2] != Frame::MIP
+    }
+}
+
+/// [`Tile::shade`], compiled once for any processor and once for those with AVX2: all that is inlined here takes part.
+struct Shade<'t, 's, T: Texel, const C: usize> {
+    tile: &'t mut Tile,
+    scene: &'s Scene<'s, T, C>,
+}
+
+impl<T: Texel, const C: usize> pulp::WithSimd for Shade<'_, '_, T, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.tile.shade_rows(self.scene);
     }
 }
 
@@ -196,6 +213,11 @@ impl Tile {
 
     /// Shades all collected fragments.
     pub fn shade<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>) {
+        scene.arch.dispatch(Shade { tile: self, scene });
+    }
+
+    #[inline(always)]
+    fn shade_rows<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>) {
         for row in 0..HEIGHT {
             if self.pending[row] == 0 {
                 continue;
