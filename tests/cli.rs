@@ -107,7 +107,8 @@ fn slice_has_the_keys_of_the_contract() {
     let dir = TempDir::new().unwrap();
     cube(dir.path());
     for tessellator in ["lyon", "spade", "none"] {
-        let s = json(&dir, &["slice", "cube.obj", "--planes", "7", "--direction", "0,0,2", "--tessellator", tessellator]);
+        let s =
+            json(&dir, &["slice", "cube.obj", "--planes", "7", "--direction", "0,0,2", "--tessellator", tessellator]);
         has_keys(&s, &["planes", "area", "outer", "holes", "triangles"]);
         has_keys(&s["ms"], &["build", "contours", "nesting", "tessellate", "total"]);
         let area = s["area"].as_array().unwrap();
@@ -126,7 +127,20 @@ fn render_draws_each_shading() {
         for mode in ["slicing", "slicing-exact"] {
             let r = json(
                 &dir,
-                &["render", "p.voxclay", "--backend", "cpu", "--shading", shading, "--mode", mode, "--size", "64x48", "-o", "a.png"],
+                &[
+                    "render",
+                    "p.voxclay",
+                    "--backend",
+                    "cpu",
+                    "--shading",
+                    shading,
+                    "--mode",
+                    mode,
+                    "--size",
+                    "64x48",
+                    "-o",
+                    "a.png",
+                ],
             );
             has_keys(&r, &["slices", "triangles", "ms"]);
             assert!(r["slices"].as_u64().unwrap() > 20);
@@ -167,7 +181,10 @@ fn bad_input_gets_one_sentence_and_leaves_nothing() {
     put("empty.nrrd", b"");
     put("cut.nrrd", b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\nabc");
     put("huge.nrrd", b"NRRD0004\ntype: double\ndimension: 3\nsizes: 99999999 99999999 99999\nencoding: raw\n\nabc");
-    put("zero.mha", b"ObjectType = Image\nNDims = 3\nDimSize = 0 4 4\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n");
+    put(
+        "zero.mha",
+        b"ObjectType = Image\nNDims = 3\nDimSize = 0 4 4\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n",
+    );
     put("empty.obj", b"");
     put("one.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     put("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
@@ -216,7 +233,10 @@ fn defective_meshes_are_drawn_with_a_warning() {
     let dir = TempDir::new().unwrap();
     let put = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     put("one.obj", "v -1 -1 0\nv 1 0 0.2\nv 0 1 0.1\nf 1 2 3\n");
-    let out = voxclay(&dir, &["render", "phantom:sphere:24", "--backend", "cpu", "--mesh", "one.obj", "--size", "32x32", "-o", "a.png"]);
+    let out = voxclay(
+        &dir,
+        &["render", "phantom:sphere:24", "--backend", "cpu", "--mesh", "one.obj", "--size", "32x32", "-o", "a.png"],
+    );
     assert_eq!(out.status.code(), Some(0));
     let said = String::from_utf8_lossy(&out.stderr).into_owned();
     assert!(said.contains("one.obj") && said.contains("triangle on one side only"), "{said}");
@@ -229,7 +249,8 @@ fn strokes_that_fold_are_held_back() {
     let dir = TempDir::new().unwrap();
     let fold = PROJECT.replace("[0.1, 0, 0.05]", "[0.5, 0, 0]");
     std::fs::write(dir.path().join("fold.voxclay"), &fold).unwrap();
-    std::fs::write(dir.path().join("let.voxclay"), fold.replace("\"stack\"", "\"allow_folds\": true, \"stack\"")).unwrap();
+    std::fs::write(dir.path().join("let.voxclay"), fold.replace("\"stack\"", "\"allow_folds\": true, \"stack\""))
+        .unwrap();
     let run = |name: &str, out: &str| {
         let out = voxclay(&dir, &["export", name, "-o", out, "--mode", "reference"]);
         assert_eq!(out.status.code(), Some(0));

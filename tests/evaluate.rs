@@ -15,8 +15,17 @@ fn document(moves_shape: bool) -> Document {
     document.proxy = ProxySource::Auto { iso: None };
     let object = load(&document, Path::new("")).unwrap();
     let (center, radius) = object.focus;
-    let grab = Grab::new(center + DVec3::X * 0.5 * radius, DVec3::new(0.2, 0.1, -0.1) * radius, 0.8 * radius, Falloff::default());
-    let pull = DisplacementVolume::from_drag(center - DVec3::Y * 0.3 * radius, DVec3::new(0.05, -0.2, 0.1) * radius, 0.6 * radius);
+    let grab = Grab::new(
+        center + DVec3::X * 0.5 * radius,
+        DVec3::new(0.2, 0.1, -0.1) * radius,
+        0.8 * radius,
+        Falloff::default(),
+    );
+    let pull = DisplacementVolume::from_drag(
+        center - DVec3::Y * 0.3 * radius,
+        DVec3::new(0.05, -0.2, 0.1) * radius,
+        0.6 * radius,
+    );
     document.stack.items = vec![
         Deformation { moves_shape, ..Deformation::new("grab", Deformer::Grab(grab.unwrap())) },
         Deformation { moves_shape, ..Deformation::new("pull", Deformer::Displacement(pull.unwrap())) },
@@ -27,7 +36,8 @@ fn document(moves_shape: bool) -> Document {
 fn cameras(object: &Object, projection: impl Fn(usize) -> Projection) -> Vec<Camera> {
     (0..20)
         .map(|i| {
-            let spec = CameraSpec { yaw: 17.0 + 73.0 * i as f64, pitch: -80.0 + 8.4 * i as f64, ..CameraSpec::default() };
+            let spec =
+                CameraSpec { yaw: 17.0 + 73.0 * i as f64, pitch: -80.0 + 8.4 * i as f64, ..CameraSpec::default() };
             Camera { projection: projection(i), ..object.camera(&spec) }
         })
         .collect()
@@ -42,7 +52,15 @@ fn worst(object: &Object, geometry: &SliceGeometry) -> f64 {
     let grid = &object.volume.grid;
     let texture = grid.texture_from_world();
     let vec = |v: [f32; 3]| DVec3::from(v.map(f64::from));
-    let weights = [[1.0, 1.0, 1.0], [4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+    let weights = [
+        [1.0, 1.0, 1.0],
+        [4.0, 1.0, 1.0],
+        [1.0, 4.0, 1.0],
+        [1.0, 1.0, 4.0],
+        [1.0, 1.0, 0.0],
+        [1.0, 0.0, 1.0],
+        [0.0, 1.0, 1.0],
+    ];
     let mut worst = 0.0f64;
     for t in geometry.indices.chunks_exact(3) {
         let corners: Vec<_> = t.iter().map(|&i| &geometry.vertices[i as usize]).collect();
