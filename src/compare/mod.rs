@@ -120,13 +120,14 @@ fn errors<A: Scalar, B: Scalar>(a: &[A], b: &[B]) -> (f64, f64) {
                 let d = if x == y || (x.is_nan() && y.is_nan()) { 0.0 } else { (x - y).abs() };
                 sum += d * d;
                 // unlike `f64::max`, this keeps NaN
-                max = if max.is_nan() || d <= max { max } else { d };
+                max = if d <= max || max.is_nan() { max } else { d };
             }
             (sum, max)
         })
         .collect();
-    let (sum, max) =
-        pieces.into_iter().fold((0.0, 0.0f64), |(s, m), (sum, max)| (s + sum, if m.is_nan() || max <= m { m } else { max }));
+    let (sum, max) = pieces
+        .into_iter()
+        .fold((0.0, 0.0f64), |(s, m), (sum, max)| (s + sum, if max <= m || m.is_nan() { m } else { max }));
     ((sum / a.len() as f64).sqrt(), max)
 }
 

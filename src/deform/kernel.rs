@@ -17,6 +17,7 @@ pub(super) trait Kernel<T: Real> {
     fn value_and_gradient(&self, p: [T; 3]) -> (T, [T; 3]);
 
     /// `p - vector V(p)` for every point of the block.
+    #[inline(always)]
     fn displace(&self, b: &mut Block<T>) {
         displace(self.vector(), b, |p| self.value(p));
     }
@@ -197,6 +198,7 @@ impl<T: Real> Kernel<T> for BallKernel<T> {
     }
 
     // the falloff is chosen outside the loops, so that each loop is free of branches
+    #[inline(always)]
     fn displace(&self, b: &mut Block<T>) {
         let d = self.vector;
         match self.falloff {

@@ -220,8 +220,54 @@ struct BlockStep<T> {
 
 impl<T: Real> BlockStep<T> {
     /// Whether no point within these bounds can be moved.
+    #[inline(always)]
     fn misses(&self, bounds: &[[T; 2]; 3]) -> bool {
         self.bounds.iter().zip(bounds).any(|(a, b)| a[1] < b[0] || b[1] < a[0])
+    }
+}
+
+/// The steps for one block, compiled for what the processor offers.
+struct Displace<'a, T> {
+    steps: &'a [BlockStep<T>],
+    points: &'a mut Block<T>,
+}
+
+impl<T: Real> pulp::WithSimd for Displace<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { steps, points } = self;
+        let mut bounds = points.bounds();
+        for step in steps {
+            if step.misses(&bounds) {
+                continue;
+            }
+            match &step.kernel {
+                AnyKernel::Spline(k) => {
+                    k.displace(points);
+                    shifted(&mut bounds, k.vector());
+                }
+                AnyKernel::Ball(k) => {
+                    k.displace(points);
+                    shifted(&mut bounds, k.vector());
+                }
+                AnyKernel::Lattice(k) => {
+                    k.displace(points);
+                    bounds = points.bounds();
+                }
+            }
+        }
+    }
+}
+
+/// Bounds of points of which each was moved by some part of `-vector`.
+#[inline(always)]
+fn shifted<T: Real>(bounds: &mut [[T; 2]; 3], vector: [T; 3]) {
+    let zero = T::default();
+    for ([lower, upper], d) in bounds.iter_mut().zip(vector) {
+        *lower -= d.larger(zero);
+        *upper -= d.smaller(zero);
     }
 }
 
@@ -251,20 +297,8 @@ impl<T: Real> BlockMap<T> for Blocks<T> {
     }
 
     fn backward_block(&self, points: &mut Block<T>) {
-        if self.steps.is_empty() {
-            return;
-        }
-        let mut bounds = points.bounds();
-        for step in &self.steps {
-            if step.misses(&bounds) {
-                continue;
-            }
-            match &step.kernel {
-                AnyKernel::Spline(k) => k.displace(points),
-                AnyKernel::Ball(k) => k.displace(points),
-                AnyKernel::Lattice(k) => k.displace(points),
-            }
-            bounds = points.bounds();
+        if !self.steps.is_empty() {
+            pulp::Arch::new().dispatch(Displace { steps: &self.steps, points });
         }
     }
 

@@ -22,14 +22,14 @@ impl<T: Real> Default for Block<T> {
 
 impl<T: Real> Block<T> {
     /// Lower and upper corner of the points.
-    #[inline]
+    #[inline(always)]
     pub fn bounds(&self) -> [[T; 2]; 3] {
         [extent(&self.x), extent(&self.y), extent(&self.z)]
     }
 }
 
 /// Eight running minima and maxima, so that the reduction is as wide as the vector units.
-#[inline]
+#[inline(always)]
 fn extent<T: Real>(values: &[T; BLOCK]) -> [T; 2] {
     const W: usize = 8;
     let mut lo: [T; W] = std::array::from_fn(|i| values[i]);

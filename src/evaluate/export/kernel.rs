@@ -2,9 +2,12 @@
 //!
 //! A row is worked off in three passes over small arrays: whole and fractional parts of the coordinates, the eight samples
 //! of each voxel, their blend. The first and the last are plain loops over arrays of one type, which the compiler turns into
-//! vector code; only the middle one, which no vector unit without gather can do, goes voxel by voxel.
+//! vector code, once for any processor and once for those with AVX2 (chosen at run time); only the middle one, which no
+//! vector unit without gather can do, goes voxel by voxel.
 //!
 //! Coordinates are `f32` relative to a whole voxel near the row, so that their rounding stays some 1e-6 of a voxel.
+
+use glam::DVec3;
 
 use crate::volume::{Scalar, sampling::Sampler};
 
@@ -37,7 +40,7 @@ pub trait Fetch: Scalar {
     /// Whether samples may be NaN or infinite, so that a weight of zero does not silence them.
     const SPECIAL: bool;
     fn wide(self) -> Self::Wide;
-    /// Rounds to nearest, halves away from zero, and clamps.
+    /// Rounds what was blended from samples, and is therefore in range, to nearest, halves away from zero.
     fn narrow(v: Self::Wide) -> Self;
 }
 
@@ -54,12 +57,12 @@ macro_rules! fetch {
     )*};
 }
 
-// adding a half and truncating is vector code everywhere, `round` is not
+// adding a half and truncating is vector code everywhere, `round` is not; so are conversions between numbers of 32 bits
 fetch! {
-    u8 f32 false |v: f32| (v + 0.5) as u8;
-    i8 f32 false |v: f32| (v + 0.5f32.copysign(v)) as i8;
-    u16 f32 false |v: f32| (v + 0.5) as u16;
-    i16 f32 false |v: f32| (v + 0.5f32.copysign(v)) as i16;
+    u8 f32 false |v: f32| (v + 0.5) as i32 as u8;
+    i8 f32 false |v: f32| (v + 0.5f32.copysign(v)) as i32 as i8;
+    u16 f32 false |v: f32| (v + 0.5) as i32 as u16;
+    i16 f32 false |v: f32| (v + 0.5f32.copysign(v)) as i32 as i16;
     u32 f64 false |v: f64| (v + 0.5) as u32;
     i32 f64 false |v: f64| (v + 0.5f64.copysign(v)) as i32;
     f32 f32 true |v: f32| v;
@@ -71,137 +74,194 @@ pub(super) struct Window<'a, T> {
     sampler: Sampler<'a, T>,
     /// Index of the first channel of voxel `base`; wraps if `base` is not a voxel.
     start: usize,
-    /// Samples from a voxel to the next along j and k.
-    stride: [usize; 2],
+    /// Samples from a voxel to the next along i, j and k.
+    stride: [usize; 3],
     /// Relative coordinates of the first and the last voxel centre.
     first: [f32; 3],
     last: [f32; 3],
+    /// The same as whole numbers.
+    first_whole: [i32; 3],
+    last_whole: [i32; 3],
 }
 
 /// The arrays of one row.
 pub(super) struct Scratch<T> {
     fraction: [[f32; ROW]; 3],
     whole: [[i32; ROW]; 3],
-    corner: [[T; ROW]; 8],
+    /// Index of the lowest of the eight samples.
+    lowest: [usize; ROW],
+    /// Neighbours along i, for each of the four lines through the eight samples.
+    pair: [[[T; 2]; ROW]; 4],
 }
 
 impl<T: Fetch> Scratch<T> {
     pub fn new() -> Self {
-        Self { fraction: [[0.0; ROW]; 3], whole: [[0; ROW]; 3], corner: [[T::zeroed(); ROW]; 8] }
+        Self { fraction: [[0.0; ROW]; 3], whole: [[0; ROW]; 3], lowest: [0; ROW], pair: [[[T::zeroed(); 2]; ROW]; 4] }
     }
 }
 
+/// Samples this far beyond the volume are outside, however large their coordinates.
+const BEYOND: i64 = 1 << 16;
+
 impl<'a, T: Fetch> Window<'a, T> {
-    pub fn new(sampler: Sampler<'a, T>, base: [i64; 3]) -> Self {
-        let dims = sampler.dims();
-        let channels = sampler.channels();
-        let stride = [dims[0] * channels, dims[0] * dims[1] * channels];
-        let start = (base[2] as usize)
-            .wrapping_mul(stride[1])
-            .wrapping_add((base[1] as usize).wrapping_mul(stride[0]))
-            .wrapping_add((base[0] as usize).wrapping_mul(channels));
-        let first = base.map(|b| -b as f32);
-        let last = std::array::from_fn(|a| (dims[a] as i64 - 1 - base[a]) as f32);
-        Self { sampler, start, stride, first, last }
+    /// About the voxel nearest to `base` that is not far from the volume.
+    pub fn new(sampler: Sampler<'a, T>, base: DVec3) -> Self {
+        let (dims, channels) = (sampler.dims().map(|n| n as i64), sampler.channels());
+        // NaN becomes 0
+        let base: [i64; 3] = std::array::from_fn(|a| (base[a] as i64).clamp(-BEYOND, dims[a] + BEYOND));
+        let stride = [channels, sampler.dims()[0] * channels, sampler.dims()[0] * sampler.dims()[1] * channels];
+        let start = (0..3).fold(0usize, |at, a| at.wrapping_add((base[a] as usize).wrapping_mul(stride[a])));
+        let narrow = |v: i64| v.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+        let first_whole = base.map(|b| narrow(-b));
+        let last_whole = std::array::from_fn(|a| narrow(dims[a] - 1 - base[a]));
+        let (first, last) = (first_whole.map(|w| w as f32), last_whole.map(|w| w as f32));
+        Self { sampler, start, stride, first, last, first_whole, last_whole }
+    }
+
+    /// What coordinates are relative to.
+    pub fn base(&self) -> DVec3 {
+        DVec3::from(self.first_whole.map(|w| -f64::from(w)))
     }
 
     /// Trilinear samples at the relative coordinates `at` into `out` (channels interleaved); `outside` beyond the texture
     /// cube. Returns how many were outside.
-    #[inline(always)]
-    pub fn linear(&self, at: [&[f32; ROW]; 3], outside: &[T], scratch: &mut Scratch<T>, out: &mut [T]) -> usize {
-        let channels = self.sampler.channels();
-        let count = out.len() / channels;
-        for a in 0..3 {
-            split(at[a], &mut scratch.whole[a], &mut scratch.fraction[a]);
-        }
-        if self.interior(at) {
-            for c in 0..channels {
-                self.gather(count, c, scratch);
-                blend(scratch, c, channels, out);
-            }
-            return 0;
-        }
-        let mut missed = [false; ROW];
-        for l in 0..count {
-            missed[l] = (0..3).any(|a| !(at[a][l] >= self.first[a] - 0.5 && at[a][l] <= self.last[a] + 0.5));
-            for a in 0..3 {
-                let x = at[a][l].max(self.first[a]).min(self.last[a]);
-                let whole = x.floor();
-                scratch.whole[a][l] = whole as i32;
-                scratch.fraction[a][l] = x - whole;
-            }
-        }
-        for c in 0..channels {
-            self.gather_clamped(count, c, scratch);
-            blend(scratch, c, channels, out);
-        }
-        let mut outsiders = 0;
-        for (voxel, _) in out.chunks_exact_mut(channels).zip(missed).filter(|(_, missed)| *missed) {
-            voxel.copy_from_slice(outside);
-            outsiders += 1;
-        }
-        outsiders
+    pub fn linear(&self, at: &[[f32; ROW]; 3], outside: &[T], scratch: &mut Scratch<T>, out: &mut [T]) -> usize {
+        pulp::Arch::new().dispatch(Linear { window: self, at, outside, scratch, out })
     }
 
     /// Whether all points have both neighbours along each axis.
     #[inline(always)]
-    fn interior(&self, at: [&[f32; ROW]; 3]) -> bool {
-        let mut all = true;
+    fn interior(&self, at: &[[f32; ROW]; 3]) -> bool {
+        let mut out = 0;
         for a in 0..3 {
             let (first, last) = (self.first[a], self.last[a]);
-            for x in at[a] {
-                all &= (*x >= first) & (*x < last);
+            for x in &at[a] {
+                out |= i32::from(!((*x >= first) & (*x < last)));
             }
         }
-        all
+        out == 0
+    }
+
+    /// Indices of the lowest of the eight samples around each point.
+    #[inline(always)]
+    fn indices(&self, channel: usize, scratch: &mut Scratch<T>) {
+        let Scratch { whole: [x, y, z], lowest, .. } = scratch;
+        let start = self.start.wrapping_add(channel);
+        if self.sampler.samples().len() < i32::MAX as usize {
+            let stride = self.stride.map(|s| s as i32);
+            for l in 0..ROW {
+                let (x, y, z) =
+                    (x[l].wrapping_mul(stride[0]), y[l].wrapping_mul(stride[1]), z[l].wrapping_mul(stride[2]));
+                let at = (start as i32).wrapping_add(x).wrapping_add(y).wrapping_add(z);
+                lowest[l] = at as u32 as usize;
+            }
+        } else {
+            for l in 0..ROW {
+                let part = |whole: i32, a: usize| (whole as isize as usize).wrapping_mul(self.stride[a]);
+                lowest[l] = start.wrapping_add(part(x[l], 0)).wrapping_add(part(y[l], 1)).wrapping_add(part(z[l], 2));
+            }
+        }
     }
 
     /// The eight samples around each point. All of them exist.
     #[inline(always)]
-    fn gather(&self, count: usize, channel: usize, scratch: &mut Scratch<T>) {
-        let channels = self.sampler.channels();
-        let [sy, sz] = self.stride;
-        let reach = channels + sy + sz + 1;
-        // with these, the constant offsets below need no check per voxel
-        assert!(channels + sy < reach && channels + sz < reach && sy + sz < reach && sy < reach && sz < reach);
-        let samples = &self.sampler.samples()[channel..];
-        let start = self.start;
-        let [x, y, z] = &scratch.whole;
-        let corner = &mut scratch.corner;
+    fn gather(&self, count: usize, scratch: &mut Scratch<T>) {
+        let [sx, sy, sz] = self.stride;
+        let samples = self.sampler.samples();
+        let Scratch { lowest, pair: [p00, p10, p01, p11], .. } = scratch;
+        let reach = sy + sz + sx + 1;
         for l in 0..count.min(ROW) {
-            let at = start
-                .wrapping_add((x[l] as usize).wrapping_mul(channels))
-                .wrapping_add((y[l] as usize).wrapping_mul(sy))
-                .wrapping_add((z[l] as usize).wrapping_mul(sz));
             // the last channel of the last sample ends the slice
-            let around = &samples[at..][..reach];
-            corner[0][l] = around[0];
-            corner[1][l] = around[channels];
-            corner[2][l] = around[sy];
-            corner[3][l] = around[sy + channels];
-            corner[4][l] = around[sz];
-            corner[5][l] = around[sz + channels];
-            corner[6][l] = around[sz + sy];
-            corner[7][l] = around[sz + sy + channels];
+            let around = &samples[lowest[l]..][..reach];
+            if sx == 1 {
+                // two samples at a time
+                p00[l].copy_from_slice(&around[..2]);
+                p10[l].copy_from_slice(&around[sy..sy + 2]);
+                p01[l].copy_from_slice(&around[sz..sz + 2]);
+                p11[l].copy_from_slice(&around[sy + sz..sy + sz + 2]);
+            } else {
+                p00[l] = [around[0], around[sx]];
+                p10[l] = [around[sy], around[sy + sx]];
+                p01[l] = [around[sz], around[sz + sx]];
+                p11[l] = [around[sy + sz], around[sy + sz + sx]];
+            }
         }
     }
 
     /// The same where the upper neighbour may be missing and is then the voxel itself.
-    fn gather_clamped(&self, count: usize, channel: usize, scratch: &mut Scratch<T>) {
+    #[inline(always)]
+    fn gather_clamped(&self, count: usize, scratch: &mut Scratch<T>) {
         let samples = self.sampler.samples();
-        let step = [self.sampler.channels(), self.stride[0], self.stride[1]];
-        for l in 0..count {
-            let mut at = self.start.wrapping_add(channel);
-            let mut up = [0; 3];
-            for a in 0..3 {
-                let whole = scratch.whole[a][l];
-                at = at.wrapping_add((whole as isize as usize).wrapping_mul(step[a]));
-                up[a] = if (whole as f32) < self.last[a] { step[a] } else { 0 };
-            }
-            for (n, corner) in scratch.corner.iter_mut().enumerate() {
-                corner[l] = samples[at + (n & 1) * up[0] + (n >> 1 & 1) * up[1] + (n >> 2 & 1) * up[2]];
+        let Scratch { whole, lowest, pair, .. } = scratch;
+        for l in 0..count.min(ROW) {
+            let up = |a: usize| if whole[a][l] < self.last_whole[a] { self.stride[a] } else { 0 };
+            let (at, [x, y, z]) = (lowest[l], [up(0), up(1), up(2)]);
+            for (line, pair) in [0, y, z, y + z].into_iter().zip(pair.iter_mut()) {
+                pair[l] = [samples[at + line], samples[at + line + x]];
             }
         }
+    }
+}
+
+/// One row of look-ups.
+struct Linear<'a, 'b, T> {
+    window: &'a Window<'b, T>,
+    at: &'a [[f32; ROW]; 3],
+    outside: &'a [T],
+    scratch: &'a mut Scratch<T>,
+    out: &'a mut [T],
+}
+
+impl<T: Fetch> pulp::WithSimd for Linear<'_, '_, T> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> usize {
+        let Self { window, at, outside, scratch, out } = self;
+        let channels = window.sampler.channels();
+        let count = out.len() / channels;
+        if window.interior(at) {
+            for a in 0..3 {
+                split(&at[a], &mut scratch.whole[a], &mut scratch.fraction[a]);
+            }
+            for c in 0..channels {
+                window.indices(c, scratch);
+                window.gather(count, scratch);
+                blend(scratch, c, channels, out);
+            }
+            return 0;
+        }
+        let mut missed = [0i32; ROW];
+        for a in 0..3 {
+            let (first, last) = (window.first[a], window.last[a]);
+            let mut clamped = [0.0; ROW];
+            for l in 0..ROW {
+                let x = at[a][l];
+                missed[l] |= i32::from(!((x >= first - 0.5) & (x <= last + 0.5)));
+                // NaN becomes the first
+                let x = if x > first { x } else { first };
+                clamped[l] = if x < last { x } else { last };
+            }
+            split(&clamped, &mut scratch.whole[a], &mut scratch.fraction[a]);
+            for whole in &mut scratch.whole[a] {
+                // beyond 2^24 voxels the numbers in `f32` are not exact
+                *whole = (*whole).max(window.first_whole[a]).min(window.last_whole[a]);
+            }
+        }
+        let outsiders = missed[..count].iter().sum::<i32>() as usize;
+        if outsiders < count {
+            for c in 0..channels {
+                window.indices(c, scratch);
+                window.gather_clamped(count, scratch);
+                blend(scratch, c, channels, out);
+            }
+        }
+        if outsiders > 0 {
+            for (voxel, _) in out.chunks_exact_mut(channels).zip(missed).filter(|(_, missed)| *missed != 0) {
+                voxel.copy_from_slice(outside);
+            }
+        }
+        outsiders
     }
 }
 
@@ -219,18 +279,14 @@ fn split(x: &[f32; ROW], whole: &mut [i32; ROW], fraction: &mut [f32; ROW]) {
 #[inline(always)]
 fn blend<T: Fetch>(scratch: &Scratch<T>, channel: usize, channels: usize, out: &mut [T]) {
     let mut row = [T::zeroed(); ROW];
-    let [fx, fy, fz] = &scratch.fraction;
-    let corner = &scratch.corner;
+    let Scratch { fraction: [fx, fy, fz], pair, .. } = scratch;
     let mix = |a: T::Wide, b: T::Wide, t: f32| {
         let mixed = T::Wide::blend(a, b, t);
         if T::SPECIAL && t == 0.0 { a } else { mixed }
     };
     for l in 0..ROW {
-        let v = |n: usize| corner[n][l].wide();
-        let (x, y, z) = (fx[l], fy[l], fz[l]);
-        let y0 = mix(mix(v(0), v(1), x), mix(v(2), v(3), x), y);
-        let y1 = mix(mix(v(4), v(5), x), mix(v(6), v(7), x), y);
-        row[l] = T::narrow(mix(y0, y1, z));
+        let line = |n: usize| mix(pair[n][l][0].wide(), pair[n][l][1].wide(), fx[l]);
+        row[l] = T::narrow(mix(mix(line(0), line(1), fy[l]), mix(line(2), line(3), fy[l]), fz[l]));
     }
     if channels == 1 {
         let count = out.len().min(ROW);
@@ -239,5 +295,52 @@ fn blend<T: Fetch>(scratch: &Scratch<T>, channel: usize, channels: usize, out: &
         for (voxel, v) in out.chunks_exact_mut(channels).zip(row) {
             voxel[channel] = v;
         }
+    }
+}
+
+/// A row of coordinates: from `start` in equal steps, plus displacements.
+pub(super) struct Line<'a> {
+    pub start: [f32; 3],
+    pub step: [f32; 3],
+    pub shift: Option<&'a [[f32; ROW]; 3]>,
+    /// Those of the row that count; the others repeat the last of them, so that the row does not seem to leave the volume.
+    pub count: usize,
+    /// The displacement from which a voxel counts as moved.
+    pub threshold: f32,
+    pub at: &'a mut [[f32; ROW]; 3],
+}
+
+impl Line<'_> {
+    /// Fills `at`. Returns how many were moved.
+    pub fn fill(self) -> u64 {
+        pulp::Arch::new().dispatch(self)
+    }
+}
+
+impl pulp::WithSimd for Line<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> u64 {
+        let Self { start, step, shift, count, threshold, at } = self;
+        let mut far = [0u32; ROW];
+        for a in 0..3 {
+            for (l, x) in at[a].iter_mut().enumerate() {
+                *x = start[a] + step[a] * l as f32;
+            }
+            if let Some(shift) = shift {
+                for ((x, s), far) in at[a].iter_mut().zip(&shift[a]).zip(&mut far) {
+                    *x += s;
+                    // NaN counts as moved
+                    *far |= u32::from(!(s.abs() <= threshold));
+                }
+            }
+            if count < ROW {
+                let last = at[a][count - 1];
+                at[a][count..].fill(last);
+                far[count..].fill(0);
+            }
+        }
+        u64::from(far.iter().sum::<u32>())
     }
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grid::{Frame, Link, Span};
-use super::kernel::{Fetch, ROW, Scratch, Window};
+use super::kernel::{Fetch, Line, ROW, Scratch, Window};
 use super::shift::{Block, EDGE, Shifts, Supports};
 use super::{ExportError, ExportMap, Precision, Progress};
 use crate::math::OrientedBox;
@@ -267,38 +267,26 @@ impl<T: Fetch> Job<'_, T> {
         let channels = self.sampler.channels();
         let steps = self.frame.steps();
         let first = self.frame.undisplaced(block.first());
-        let base = first.floor();
-        let window = Window::new(self.sampler, [base.x as i64, base.y as i64, base.z as i64]);
+        let window = Window::new(self.sampler, first.floor());
+        let base = window.base();
         let count = block.size[0];
         for k in 0..block.size[2] {
             for j in 0..block.size[1] {
                 let start = first - base + steps.y_axis * j as f64 + steps.z_axis * k as f64;
-                for a in 0..3 {
-                    let (x, step) = (start[a] as f32, steps.x_axis[a] as f32);
-                    for (l, at) in work.at[a].iter_mut().enumerate() {
-                        *at = x + step * l as f32;
-                    }
-                }
-                if shifted {
-                    let shift = &work.shifts.rows[k * EDGE + j];
-                    tally.moved += moved(shift, count);
-                    for a in 0..3 {
-                        for (at, s) in work.at[a].iter_mut().zip(&shift[a]) {
-                            *at += s;
-                        }
-                    }
-                }
-                // lanes beyond the block must not make the row look as if it left the volume
-                for at in &mut work.at {
-                    let last = at[count - 1];
-                    at[count..].fill(last);
-                }
+                let line = Line {
+                    start: start.as_vec3().to_array(),
+                    step: steps.x_axis.as_vec3().to_array(),
+                    shift: shifted.then_some(&work.shifts.rows[k * EDGE + j]),
+                    count,
+                    threshold: MOVED as f32,
+                    at: &mut work.at,
+                };
+                tally.moved += line.fill();
                 let row = &mut work.row[..count * channels];
-                let at = [&work.at[0], &work.at[1], &work.at[2]];
                 let outside = if self.interpolation == Interpolation::Linear {
-                    window.linear(at, &self.outside, &mut work.scratch, row)
+                    window.linear(&work.at, &self.outside, &mut work.scratch, row)
                 } else {
-                    self.single(at, base, row)
+                    self.single(&work.at, base, row)
                 };
                 tally.outside += outside as u64;
                 sink(block.lo[0], block.lo[1] + j as i64, block.lo[2] + k as i64, row);
@@ -307,7 +295,7 @@ impl<T: Fetch> Job<'_, T> {
     }
 
     /// A row of look-ups by the reference sampler.
-    fn single(&self, at: [&[f32; ROW]; 3], base: DVec3, row: &mut [T]) -> usize {
+    fn single(&self, at: &[[f32; ROW]; 3], base: DVec3, row: &mut [T]) -> usize {
         let mut outside = 0;
         for (l, value) in row.chunks_exact_mut(self.sampler.channels()).enumerate() {
             let p = base + DVec3::new(f64::from(at[0][l]), f64::from(at[1][l]), f64::from(at[2][l]));
@@ -325,15 +313,4 @@ fn slab(dims: [usize; 3], index: usize) -> Span {
     let bottom = index * EDGE;
     let top = (bottom + EDGE).min(dims[2]);
     Span { lo: [0, 0, bottom as i64], hi: [dims[0] as i64 - 1, dims[1] as i64 - 1, top as i64 - 1] }
-}
-
-fn moved(shift: &[[f32; ROW]; 3], count: usize) -> u64 {
-    let mut far = [false; ROW];
-    for axis in shift {
-        for (f, s) in far.iter_mut().zip(axis) {
-            // NaN counts as moved
-            *f |= !(s.abs() <= MOVED as f32);
-        }
-    }
-    far[..count].iter().map(|&f| u64::from(f)).sum()
 }
