@@ -135,6 +135,8 @@ pub struct Sampler<'a, T: Texel, const C: usize> {
     last: [f32; 3],
     /// Texels from one to the next along y and z; 32 bits, so that sums of them cannot overflow and bounds are checked once.
     step: [u32; 2],
+    /// Rows along x from one to the next along z.
+    deep: u32,
     scale: f32,
     bias: f32,
 }
@@ -151,6 +153,7 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
             size: dims.map(|n| n as f32),
             last: dims.map(|n| (n - 1) as f32 * (1.0 - 3e-7)),
             step: [memory[0] as u32, (memory[0] * memory[1]) as u32],
+            deep: memory[1] as u32,
             scale: frame.window[0] * T::UNIT,
             bias: frame.window[1],
         }
@@ -167,6 +170,11 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
         clamp(texture * self.size[axis] - 0.5, 0.0, self.last[axis])
     }
 
+    #[inline(always)]
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        x + y * self.step[0] as usize + z * self.step[1] as usize
+    }
+
     /// Pairs of the four rows of the cell whose first texel is `i`.
     #[inline(always)]
     fn cell(&self, i: usize) -> [T::Pair; 4] {
@@ -176,10 +184,10 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
         [pair(0), pair(y), pair(z), pair(y + z)]
     }
 
+    /// The values of four texels.
     #[inline(always)]
-    fn row(&self, i: usize) -> T::Row {
-        let t = &self.texels[i * C..(i + 4) * C];
-        T::row(std::array::from_fn(|c| t[c * C + C - 1]))
+    fn row(t: &[T]) -> T::Row {
+        T::row([t[C - 1], t[2 * C - 1], t[3 * C - 1], t[4 * C - 1]])
     }
 
     /// Values in the window at texture coordinates `at[axis][lane]`.
@@ -195,13 +203,13 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
                 part[axis][l] = t - (rounded - MAGIC);
             }
         }
-        let step = self.step.map(|s| s as usize);
-        let mut pairs = [[T::Pair::default(); LANES]; 4];
+        // written out, so that texels go from memory to vectors: a loop would put them on the stack first, one by one
+        let mut row = [0u32; LANES];
         for l in 0..LANES {
-            let [x, y, z] = [0, 1, 2].map(|axis| integer(cell[axis][l]) as usize);
-            let pairs_of = self.cell(x + y * step[0] + z * step[1]);
-            (0..4).for_each(|r| pairs[r][l] = pairs_of[r]);
+            row[l] = (integer(cell[2][l]) as u32).wrapping_mul(self.deep).wrapping_add(integer(cell[1][l]) as u32);
         }
+        let c = |l: usize| self.cell(integer(cell[0][l]) as usize + row[l] as usize * self.step[0] as usize);
+        let pairs = turned([c(0), c(1), c(2), c(3), c(4), c(5), c(6), c(7)]);
         let mut values = [0.0; LANES];
         for l in 0..LANES {
             let x = |r: usize| lerp(T::of_pair(pairs[r][l], 0), T::of_pair(pairs[r][l], 1), part[0][l]);
@@ -227,23 +235,34 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
             }
         }
         // rows along x of the cell and its neighbours along y (above, below) and z (above, below)
-        let step = self.step.map(|s| s as usize);
-        let mut rows = [[T::Row::default(); LANES]; 12];
-        for l in 0..LANES {
-            if mask >> l & 1 == 0 {
-                continue;
+        let mut edge = self.dims.iter().any(|n| *n < 4);
+        for axis in 0..3 {
+            for l in 0..LANES {
+                let (c, most) = (integer(cell[axis][l]), self.dims[axis] - 3);
+                edge |= (mask >> l & 1 == 1) & ((c < 1) | (c > most));
             }
-            let c = [0, 1, 2].map(|axis| integer(cell[axis][l]));
-            if (0..3).all(|axis| c[axis] >= 1 && c[axis] + 3 <= self.dims[axis]) {
-                let i = (c[0] - 1) as usize + c[1] as usize * step[0] + c[2] as usize * step[1];
-                for (row, (y, z)) in rows.iter_mut().zip(ROWS) {
-                    let i = i + (y + 1) as usize * step[0] + (z + 1) as usize * step[1];
-                    row[l] = self.row(i - step[0] - step[1]);
-                }
-            } else {
+        }
+        let mut rows = [[T::Row::default(); LANES]; 12];
+        if edge {
+            for l in (0..LANES).filter(|l| mask >> l & 1 == 1) {
+                let c = [0, 1, 2].map(|axis| integer(cell[axis][l]));
                 for (row, (y, z)) in rows.iter_mut().zip(ROWS) {
                     row[l] = self.row_at_edge([c[0] - 1, c[1] + y, c[2] + z]);
                 }
+            }
+        } else {
+            let step = self.step.map(|s| s as usize);
+            // lanes that are left out may lie anywhere: they read some texels
+            let start = |l: usize| {
+                let c: [usize; 3] =
+                    std::array::from_fn(|axis| integer(cell[axis][l]).clamp(1, self.dims[axis] - 3) as usize - 1);
+                &self.texels[self.index(c) * C..][..(3 * (step[0] + step[1]) + 4) * C]
+            };
+            let t = [start(0), start(1), start(2), start(3), start(4), start(5), start(6), start(7)];
+            for (row, (y, z)) in rows.iter_mut().zip(ROWS) {
+                let i = ((y + 1) as usize * step[0] + (z + 1) as usize * step[1]) * C;
+                let r = |l: usize| Self::row(&t[l][i..i + 4 * C]);
+                *row = [r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)];
             }
         }
         let mut d = [[0.0; LANES]; 3];
@@ -290,6 +309,12 @@ impl<'a, T: Texel, const C: usize> Sampler<'a, T, C> {
 /// Offsets along y and z of the rows that differences need: the cell's four, then y - 1, y + 2, z - 1, z + 2.
 const ROWS: [(i32, i32); 12] =
     [(0, 0), (1, 0), (0, 1), (1, 1), (-1, 0), (-1, 1), (2, 0), (2, 1), (0, -1), (1, -1), (0, 2), (1, 2)];
+
+#[inline(always)]
+fn turned<P: Copy>(c: [[P; 4]; LANES]) -> [[P; LANES]; 4] {
+    let r = |r: usize| [c[0][r], c[1][r], c[2][r], c[3][r], c[4][r], c[5][r], c[6][r], c[7][r]];
+    [r(0), r(1), r(2), r(3)]
+}
 
 fn doubled<T: Copy>(dims: [usize; 3], memory: [usize; 3], texels: &[T], channels: usize) -> Vec<T> {
     let mut out = Vec::with_capacity(memory.iter().product::<usize>() * channels);

@@ -44,16 +44,36 @@ impl Skip {
         Self { levels, full }
     }
 
+    #[inline]
+    fn blocks(&self, v: [f32; 3]) -> [usize; 3] {
+        let dims = &self.levels[0].0;
+        let block = |axis: usize| (v[axis] as i32 as usize / BLOCK).min(dims[axis] - 1);
+        [block(0), block(1), block(2)]
+    }
+
+    /// Whether no block between the texel coordinates `lo` and `hi` can be left out (true only if it is certain): then it
+    /// is no use to look at parts of that box.
+    pub fn is_full(&self, lo: [f32; 3], hi: [f32; 3]) -> bool {
+        let (dims, flags) = &self.levels[0];
+        let (lo, hi) = (self.blocks(lo), self.blocks(hi));
+        // blocks of a larger box take longer to look at than they save
+        (0..3).all(|axis| hi[axis] < lo[axis] + 4)
+            && (lo[2]..=hi[2]).all(|z| {
+                (lo[1]..=hi[1]).all(|y| {
+                    let row = (z * dims[1] + y) * dims[0];
+                    flags[row + lo[0]..=row + hi[0]].iter().all(|seen| *seen)
+                })
+            })
+    }
+
     /// Whether nothing between the texel coordinates `lo` and `hi` can be seen (true only if it is certain).
     pub fn is_empty(&self, lo: [f32; 3], hi: [f32; 3]) -> bool {
         if self.full {
             return false;
         }
-        let blocks = |v: [f32; 3]| -> [usize; 3] {
-            std::array::from_fn(|axis| (v[axis] as i32 as usize / BLOCK).min(self.levels[0].0[axis] - 1))
-        };
-        let (lo, hi) = (blocks(lo), blocks(hi));
-        let widest = (0..3).map(|axis| hi[axis].saturating_sub(lo[axis])).max().unwrap_or(0);
+        let (lo, hi) = (self.blocks(lo), self.blocks(hi));
+        let width = |axis: usize| hi[axis].saturating_sub(lo[axis]);
+        let widest = width(0).max(width(1)).max(width(2));
         // the finest level at which the box touches at most 2 blocks along each axis, and one finer
         let coarse = ((usize::BITS - widest.saturating_sub(1).leading_zeros()) as usize).min(self.levels.len() - 1);
         self.is_empty_at(coarse, lo, hi) || (coarse > 0 && self.is_empty_at(coarse - 1, lo, hi))
@@ -61,7 +81,8 @@ impl Skip {
 
     fn is_empty_at(&self, level: usize, lo: [usize; 3], hi: [usize; 3]) -> bool {
         let (dims, flags) = &self.levels[level];
-        let (lo, hi) = (lo.map(|v| v >> level), hi.map(|v| v >> level));
+        let up = |v: [usize; 3]| [v[0] >> level, v[1] >> level, v[2] >> level];
+        let (lo, hi) = (up(lo), up(hi));
         for z in lo[2]..=hi[2] {
             for y in lo[1]..=hi[1] {
                 let row = (z * dims[1] + y) * dims[0];
