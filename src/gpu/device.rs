@@ -7,6 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::GpuError;
 
+/// How long a finished mapping may take to be reported by the thread that polled it.
+const HAND_OVER: std::time::Duration = std::time::Duration::from_secs(10);
+
 /// Which adapter to open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Preference {
@@ -207,7 +210,8 @@ impl Gpu {
             let _ = done.send(r);
         });
         self.wait()?;
-        match mapped.try_recv() {
+        // where several threads wait for one device, another one may be about to hand this result over
+        match mapped.recv_timeout(HAND_OVER) {
             Ok(Ok(())) => {}
             Ok(Err(e)) => return Err(GpuError::Lost(e.to_string())),
             Err(_) => return Err(GpuError::Lost("it did not finish its work".into())),
