@@ -57,10 +57,10 @@ pub fn run(args: &Args) -> Result<Answer> {
     job.pictures(&rest, &document, &mut renderer, &options, "before")?;
     let (strokes, notes) = strokes()?;
     document.stack.items = strokes;
-    let mut sculpted = load::load(&document, Path::new(""))?;
+    let sculpted = load::load(&document, Path::new(""))?;
     job.pictures(&sculpted, &document, &mut renderer, &options, "after")?;
 
-    let metrics = job.compare(&mut sculpted, &document, &options)?;
+    let metrics = job.compare(&sculpted, &document, &options)?;
 
     let exported = resample::export(&sculpted, &ExportOptions::default())?;
     job.ms.insert("export".into(), json!(exported.ms));
@@ -166,7 +166,7 @@ impl Job<'_> {
     }
 
     /// Slicing at each subdivision depth against the exact map.
-    fn compare(&mut self, object: &mut load::Object, document: &Document, options: &ViewOptions) -> Result<Vec<Value>> {
+    fn compare(&mut self, object: &load::Object, document: &Document, options: &ViewOptions) -> Result<Vec<Value>> {
         // the reference is the CPU's: one renderer for all, so that only the subdivision differs
         let mut renderer = Renderer::new(crate::evaluate::picture::Backend::Cpu)?;
         let camera = object.camera(&document.camera);

@@ -13,7 +13,7 @@ use crate::render::{Camera, Field, TexelSlice};
 use crate::scene::{CameraSpec, Document, Placement, ProxySource, VolumeSource};
 use crate::volume::phantom::Phantom;
 use crate::volume::pyramid::BLOCK;
-use crate::volume::statistics::{Histogram, Statistics, channel_statistics, histogram};
+use crate::volume::statistics::{Histogram, histogram};
 use crate::volume::transfer::TransferFunction;
 use crate::volume::{Grid, Scalar, Volume};
 
@@ -26,9 +26,6 @@ const HISTOGRAM_BINS: usize = 256;
 #[derive(Debug, Clone)]
 pub struct Object {
     pub volume: Arc<Volume>,
-    /// Of the channel that carries the opacity: the only one, or the last.
-    pub statistics: Statistics,
-    pub histogram: Histogram,
     /// The samples as renderers read them.
     pub field: Field,
     pub transfer: TransferFunction,
@@ -97,10 +94,9 @@ pub fn suggest(document: &mut Document) {
 pub fn load(document: &Document, base: &Path) -> Result<Object, EvaluateError> {
     let volume = Arc::new(read_source(&document.volume, base)?);
     let field = Field::from_volume(Arc::clone(&volume));
-    let channel = volume.channels - 1;
-    let statistics = channel_statistics(&volume, channel);
     let [lo, hi] = field.range;
-    let histogram = histogram(&volume, channel, lo, hi, HISTOGRAM_BINS);
+    // of the channel that carries the opacity: the only one, or the last
+    let histogram = histogram(&volume, volume.channels - 1, lo, hi, HISTOGRAM_BINS);
     let iso = match phantom(&document.volume) {
         Some(p) => p.suggested().iso,
         None => threshold(&histogram),
@@ -113,21 +109,7 @@ pub fn load(document: &Document, base: &Path) -> Result<Object, EvaluateError> {
     let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
     let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
     let focus = focus(&field, iso);
-    Ok(Object {
-        focus,
-        volume,
-        statistics,
-        histogram,
-        field,
-        transfer,
-        window,
-        iso,
-        mesh,
-        topology,
-        shaped,
-        stack,
-        warnings,
-    })
+    Ok(Object { focus, volume, field, transfer, window, iso, mesh, topology, shaped, stack, warnings })
 }
 
 impl Object {

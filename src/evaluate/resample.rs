@@ -28,7 +28,7 @@ pub fn export(object: &Object, options: &ExportOptions) -> Result<Exported, Eval
     let prepared = object.stack.prepared();
     let (mut volume, report) = export::export(&object.volume, &prepared, options, &unwatched)?;
     let outside_mesh = if object.shaped {
-        let value = options.outside.unwrap_or(if volume.channels == 1 { object.statistics.min } else { 0.0 });
+        let value = options.outside.unwrap_or(if volume.channels == 1 { report.before.min } else { 0.0 });
         mask::clear_outside(&mut volume, &object.mesh, &object.topology, value)?
     } else {
         0
