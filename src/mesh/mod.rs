@@ -9,6 +9,7 @@ pub mod locate;
 mod nets;
 pub mod primitives;
 pub mod proxy;
+pub mod tets;
 mod topology;
 
 pub use topology::{EdgeId, Topology, TriangleId, VertexId};
