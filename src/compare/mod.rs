@@ -17,7 +17,7 @@
 //! Pure functions on slices of samples; any type that widens to `f64`. NaN at the same place in both is no difference; NaN
 //! in one only makes RMSE and largest difference NaN.
 
-use rayon::prelude::*;
+use crate::math::parallel;
 
 use crate::volume::{Samples, Scalar, Volume};
 use crate::with_samples;
@@ -94,7 +94,7 @@ pub fn volumes(a: &Volume, b: &Volume, peak: f64) -> Result<Difference, CompareE
         }
     }
     let real = |v: &Volume| -> Vec<f64> {
-        with_samples!(&v.samples, s => s.par_iter().map(|x| v.rescale.real(x.to_f64())).collect())
+        with_samples!(&v.samples, s => s.iter().map(|x| v.rescale.real(x.to_f64())).collect())
     };
     difference(&real(a), &real(b), dims, channels, peak)
 }
@@ -109,22 +109,20 @@ const PIECE: usize = 1 << 16;
 
 /// Root mean square and largest difference.
 fn errors<A: Scalar, B: Scalar>(a: &[A], b: &[B]) -> (f64, f64) {
-    let pieces: Vec<(f64, f64)> = a
-        .par_chunks(PIECE)
-        .zip(b.par_chunks(PIECE))
-        .map(|(a, b)| {
-            let (mut sum, mut max) = (0.0, 0.0f64);
-            for (x, y) in a.iter().zip(b) {
-                let (x, y) = (x.to_f64(), y.to_f64());
-                // infinities of one sign are equal too
-                let d = if x == y || (x.is_nan() && y.is_nan()) { 0.0 } else { (x - y).abs() };
-                sum += d * d;
-                // unlike `f64::max`, this keeps NaN
-                max = if d <= max || max.is_nan() { max } else { d };
-            }
-            (sum, max)
-        })
-        .collect();
+    let pieces = parallel::map(a.len().div_ceil(PIECE), &|piece| {
+        let part = piece * PIECE..a.len().min((piece + 1) * PIECE);
+        let (a, b) = (&a[part.clone()], &b[part]);
+        let (mut sum, mut max) = (0.0, 0.0f64);
+        for (x, y) in a.iter().zip(b) {
+            let (x, y) = (x.to_f64(), y.to_f64());
+            // infinities of one sign are equal too
+            let d = if x == y || (x.is_nan() && y.is_nan()) { 0.0 } else { (x - y).abs() };
+            sum += d * d;
+            // unlike `f64::max`, this keeps NaN
+            max = if d <= max || max.is_nan() { max } else { d };
+        }
+        (sum, max)
+    });
     let (sum, max) = pieces
         .into_iter()
         .fold((0.0, 0.0f64), |(s, m), (sum, max)| (s + sum, if max <= m || m.is_nan() { m } else { max }));
@@ -178,25 +176,22 @@ fn ssim<A: Scalar, B: Scalar>(a: &[A], b: &[B], dims: [usize; 3], channels: usiz
     };
     // slabs of places; each needs the layers of its windows
     const SLAB: usize = 16;
-    let slabs: Vec<f64> = (0..places[2].div_ceil(SLAB))
-        .into_par_iter()
-        .map(|slab| {
-            let from = slab * SLAB;
-            let to = (from + SLAB).min(places[2]);
-            let mut ring: std::collections::VecDeque<_> = (from..from + window[2] - 1).map(layer).collect();
-            let mut sum = 0.0;
-            for k in from..to {
-                ring.push_back(layer(k + window[2] - 1));
-                for place in 0..places[0] * places[1] {
-                    let mut m = [0.0; 5];
-                    ring.iter().for_each(|l| add(&mut m, &l[place]));
-                    sum += value(&m);
-                }
-                ring.pop_front();
+    let slabs = parallel::map(places[2].div_ceil(SLAB), &|slab| {
+        let from = slab * SLAB;
+        let to = (from + SLAB).min(places[2]);
+        let mut ring: std::collections::VecDeque<_> = (from..from + window[2] - 1).map(layer).collect();
+        let mut sum = 0.0;
+        for k in from..to {
+            ring.push_back(layer(k + window[2] - 1));
+            for place in 0..places[0] * places[1] {
+                let mut m = [0.0; 5];
+                ring.iter().for_each(|l| add(&mut m, &l[place]));
+                sum += value(&m);
             }
-            sum
-        })
-        .collect();
+            ring.pop_front();
+        }
+        sum
+    });
     slabs.into_iter().sum::<f64>() / places.iter().product::<usize>() as f64
 }
 

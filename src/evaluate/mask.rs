@@ -1,7 +1,7 @@
 //! The proxy mesh as a mask on a grid: slice by slice, the rows of each layer are cut by the mesh's contours.
 
+use crate::math::parallel;
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use crate::math::PlaneFrame;
 use crate::mesh::{Topology, TriMesh};
@@ -30,7 +30,7 @@ pub fn clear_outside(
 /// The contours of the mesh in each layer of the grid, in voxel coordinates.
 fn layers(grid: &Grid, mesh: &TriMesh, topology: &Topology) -> Result<Slices, SliceError> {
     let voxel_from_world = grid.voxel_from_world();
-    let positions: Vec<DVec3> = mesh.positions.par_iter().map(|p| voxel_from_world.transform_point3(*p)).collect();
+    let positions: Vec<DVec3> = mesh.positions.iter().map(|p| voxel_from_world.transform_point3(*p)).collect();
     let planes = Planes {
         frame: PlaneFrame { normal: DVec3::Z, e1: DVec3::X, e2: DVec3::Y },
         first: 0.0,
@@ -44,35 +44,32 @@ fn layers(grid: &Grid, mesh: &TriMesh, topology: &Topology) -> Result<Slices, Sl
 
 fn clear<T: Scalar>(samples: &mut [T], [nx, ny]: [usize; 2], channels: usize, sections: &Slices, stored: f64) -> usize {
     let value = T::from_f64(stored);
-    samples
-        .par_chunks_mut(nx * ny * channels)
-        .enumerate()
-        .map(|(k, layer)| {
-            let mut crossings = vec![Vec::new(); ny];
-            for l in sections.plane_loops(k) {
-                cross_rows(sections.loop_points(l), &mut crossings);
-            }
-            let mut cleared = 0;
-            for (row, crossings) in layer.chunks_exact_mut(nx * channels).zip(&mut crossings) {
-                crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-                let mut from = 0;
-                let mut winding = 0;
-                for &(x, turn) in crossings.iter() {
-                    // voxel i lies after the crossing if i >= x
-                    let i = x.ceil().clamp(0.0, nx as f64) as usize;
-                    if winding == 0 {
-                        row[from * channels..i.max(from) * channels].fill(value);
-                        cleared += i.saturating_sub(from);
-                    }
-                    from = i.max(from);
-                    winding += turn;
+    let cleared = parallel::chunks_mut(samples, nx * ny * channels, &|k, layer| {
+        let mut crossings = vec![Vec::new(); ny];
+        for l in sections.plane_loops(k) {
+            cross_rows(sections.loop_points(l), &mut crossings);
+        }
+        let mut cleared = 0;
+        for (row, crossings) in layer.chunks_exact_mut(nx * channels).zip(&mut crossings) {
+            crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+            let mut from = 0;
+            let mut winding = 0;
+            for &(x, turn) in crossings.iter() {
+                // voxel i lies after the crossing if i >= x
+                let i = x.ceil().clamp(0.0, nx as f64) as usize;
+                if winding == 0 {
+                    row[from * channels..i.max(from) * channels].fill(value);
+                    cleared += i.saturating_sub(from);
                 }
-                row[from * channels..].fill(value);
-                cleared += nx - from;
+                from = i.max(from);
+                winding += turn;
             }
-            cleared
-        })
-        .sum()
+            row[from * channels..].fill(value);
+            cleared += nx - from;
+        }
+        cleared
+    });
+    cleared.iter().sum()
 }
 
 /// Notes where the sides of a loop cross the rows `y = 0, 1, ...`, with the sense of the crossing.

@@ -4,6 +4,7 @@ mod backward;
 mod block;
 pub mod bspline;
 mod oriented_box;
+pub mod parallel;
 mod plane;
 mod real;
 

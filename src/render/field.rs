@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
+use crate::math::parallel;
 use crate::volume::pyramid::Pyramid;
 use crate::volume::{Grid, Samples, Scalar, Volume};
 use crate::with_samples;
@@ -89,19 +88,18 @@ impl Field {
         }
         let (texels, lo, hi, channels) = match channels {
             1 => {
-                let (t, lo, hi) = with_samples!(&volume.samples, v => normalised(v, 1, 0));
+                let (t, lo, hi) = with_samples!(&volume.samples, v => normalised(v, 1, |c| c[0].to_f64()));
                 (t, rescale.real(lo), rescale.real(hi), 1)
             }
             4 => {
-                let (alpha, lo, hi) = with_samples!(&volume.samples, v => normalised(v, 4, 3));
+                let (alpha, lo, hi) = with_samples!(&volume.samples, v => normalised(v, 4, |c| c[3].to_f64()));
                 let rgba = with_samples!(&volume.samples, v => colors(v, &alpha));
                 (rgba, rescale.real(lo), rescale.real(hi), 4)
             }
             _ => {
-                let lengths = with_samples!(&volume.samples, v => v.par_chunks_exact(channels)
-                    .map(|c| c.iter().map(|x| rescale.real(x.to_f64())).fold(0.0, f64::hypot))
-                    .collect::<Vec<f64>>());
-                let (t, lo, hi) = normalised(&lengths, 1, 0);
+                let (t, lo, hi) = with_samples!(&volume.samples, v => normalised(v, channels, |c| {
+                    c.iter().map(|x| rescale.real(x.to_f64())).fold(0.0, f64::hypot)
+                }));
                 (t, lo, hi, 1)
             }
         };
@@ -130,21 +128,34 @@ fn ordered([a, b]: [f64; 2]) -> [f64; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// One channel as 0..1 between its smallest and largest finite value, which are returned too.
-fn normalised<T: Scalar>(v: &[T], channels: usize, channel: usize) -> (Vec<f32>, f64, f64) {
-    let values = || v.par_chunks_exact(channels).map(|c| c[channel].to_f64());
-    let (lo, hi) = values()
-        .filter(|x| x.is_finite())
-        .fold(|| (f64::MAX, f64::MIN), |(lo, hi), x| (lo.min(x), hi.max(x)))
-        .reduce(|| (f64::MAX, f64::MIN), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+/// Voxels of one parallel piece.
+const PIECE: usize = 1 << 16;
+
+/// One value for each voxel as 0..1 between the smallest and largest finite one, which are returned too.
+fn normalised<T: Scalar>(v: &[T], channels: usize, value: impl Fn(&[T]) -> f64 + Sync) -> (Vec<f32>, f64, f64) {
+    let count = v.len() / channels;
+    let voxels = |piece: usize| {
+        let part = piece * PIECE * channels..v.len().min((piece + 1) * PIECE * channels);
+        v[part].chunks_exact(channels).map(&value)
+    };
+    let bounds = parallel::map(count.div_ceil(PIECE), &|piece| {
+        let finite = voxels(piece).filter(|x| x.is_finite());
+        finite.fold((f64::MAX, f64::MIN), |(lo, hi), x| (lo.min(x), hi.max(x)))
+    });
+    let (lo, hi) = bounds.into_iter().fold((f64::MAX, f64::MIN), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let mut texels = vec![0.0; count];
     if lo > hi {
-        return (vec![0.0; v.len() / channels], 0.0, 0.0);
+        return (texels, 0.0, 0.0);
     }
     // halves, so that the width of a range over all of f64 stays finite
     let half = 0.5 * hi - 0.5 * lo;
     let unit = if half > 0.0 { 1.0 / half } else { 0.0 };
-    let texel = |x: f64| if x.is_finite() { ((0.5 * x - 0.5 * lo) * unit) as f32 } else { 0.0 };
-    (values().map(texel).collect(), lo, hi)
+    parallel::chunks_mut(&mut texels, PIECE, &|piece, texels| {
+        for (texel, x) in texels.iter_mut().zip(voxels(piece)) {
+            *texel = if x.is_finite() { ((0.5 * x - 0.5 * lo) * unit) as f32 } else { 0.0 };
+        }
+    });
+    (texels, lo, hi)
 }
 
 /// RGBA as 0..1, with the given alpha.
@@ -157,7 +168,14 @@ fn colors<T: Scalar>(v: &[T], alpha: &[f32]) -> Vec<f32> {
         let x = x.to_f64() / one;
         if x.is_finite() { x.clamp(0.0, 1.0) as f32 } else { 0.0 }
     };
-    v.par_chunks_exact(4).zip(alpha).flat_map_iter(|(c, &a)| [unit(c[0]), unit(c[1]), unit(c[2]), a]).collect()
+    let mut texels = vec![0.0; v.len()];
+    parallel::chunks_mut(&mut texels, 4 * PIECE, &|piece, texels| {
+        let first = piece * PIECE;
+        for ((texel, c), &a) in texels.chunks_exact_mut(4).zip(v[4 * first..].chunks_exact(4)).zip(&alpha[first..]) {
+            texel.copy_from_slice(&[unit(c[0]), unit(c[1]), unit(c[2]), a]);
+        }
+    });
+    texels
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! L1: volumes: a grid with its affine frame, typed samples, and what is derived from them.
 
+pub mod fetch;
 mod grid;
 pub mod phantom;
 pub mod pyramid;

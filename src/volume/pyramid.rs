@@ -4,7 +4,7 @@
 //! finest level holds 8 x 8 x 8 cells and therefore looks at 9 x 9 x 9 texels: neighbouring blocks share a layer, and the
 //! interpolated value anywhere in the block lies between its bounds. Each further level joins 2 x 2 x 2 blocks.
 
-use rayon::prelude::*;
+use crate::math::parallel;
 
 use super::Scalar;
 
@@ -35,7 +35,7 @@ impl Pyramid {
     pub fn build<T: Scalar>(dims: [usize; 3], texels: &[T], channels: usize, channel: usize) -> Self {
         assert!(channel < channels && texels.len() == dims.iter().product::<usize>() * channels);
         let blocks = dims.map(|n| (n.saturating_sub(1)).div_ceil(BLOCK).max(1));
-        let bounds = (0..blocks[2]).into_par_iter().flat_map_iter(|bz| {
+        let layers_of_blocks = parallel::map(blocks[2], &|bz| {
             let mut plane: Vec<Option<(T, T)>> = vec![None; blocks[0] * blocks[1]];
             for z in layers(bz, dims[2]) {
                 for y in 0..dims[1] {
@@ -55,9 +55,10 @@ impl Pyramid {
                     }
                 }
             }
-            plane.into_iter().map(|b| b.map_or([0.0; 2], |(lo, hi)| [lo.to_f32(), hi.to_f32()]))
+            let bounds = plane.into_iter().map(|b| b.map_or([0.0; 2], |(lo, hi)| [lo.to_f32(), hi.to_f32()]));
+            bounds.collect::<Vec<_>>()
         });
-        let mut levels = vec![Level { dims: blocks, bounds: bounds.collect::<Vec<_>>() }];
+        let mut levels = vec![Level { dims: blocks, bounds: layers_of_blocks.concat() }];
         while let Some(coarser) = levels.last().and_then(Level::coarser) {
             levels.push(coarser);
         }

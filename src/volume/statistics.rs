@@ -3,9 +3,8 @@
 //! Samples are taken in pieces of a fixed size that are summed in order, so that a result does not depend on the number of
 //! threads. NaNs are counted and left out.
 
-use rayon::prelude::*;
-
 use super::{Rescale, Samples, Scalar, Volume};
+use crate::math::parallel;
 use crate::with_samples;
 
 /// Voxels in a piece: the sums of integers of up to 32 bits are exact in it.
@@ -61,45 +60,41 @@ impl Statistics {
 
 /// Statistics of stored values: every `step`th, from `first`.
 fn total<T: Scalar>(samples: &[T], step: usize, first: usize) -> Statistics {
-    let pieces: Vec<Part<T>> = samples
-        .par_chunks(PIECE * step)
-        .map(|piece| match step {
+    let length = PIECE * step;
+    let pieces = parallel::map(samples.len().div_ceil(length), &|i| {
+        let piece = &samples[i * length..samples.len().min((i + 1) * length)];
+        match step {
             1 => part(piece),
             _ => part(&piece[first..].iter().step_by(step).copied().collect::<Vec<T>>()),
-        })
-        .collect();
-    let mut all = Part::<T>::default();
+        }
+    });
+    let mut all = Part::default();
     for p in &pieces {
         all.nan += p.nan;
         all.count += p.count;
         all.sum += p.sum;
         all.range = match (all.range, p.range) {
-            (Some((a, b)), Some((c, d))) => Some((if c < a { c } else { a }, if d > b { d } else { b })),
+            (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
             (a, b) => a.or(b),
         };
     }
-    let (min, max) = all.range.map_or((f64::NAN, f64::NAN), |(a, b)| (a.to_f64(), b.to_f64()));
+    let (min, max) = all.range.unwrap_or((f64::NAN, f64::NAN));
     // 0/0 is NaN, as promised
     Statistics { min, max, mean: all.sum / all.count as f64, count: all.count, nan: all.nan }
 }
 
-struct Part<T> {
-    range: Option<(T, T)>,
+#[derive(Default)]
+struct Part {
+    range: Option<(f64, f64)>,
     sum: f64,
     count: u64,
     nan: u64,
 }
 
-impl<T> Default for Part<T> {
-    fn default() -> Self {
-        Self { range: None, sum: 0.0, count: 0, nan: 0 }
-    }
-}
-
 /// Values that are taken abreast, so that neither sums nor comparisons wait for each other.
 const LANES: usize = 16;
 
-fn part<T: Scalar>(values: &[T]) -> Part<T> {
+fn part<T: Scalar>(values: &[T]) -> Part {
     let is_number = |v: &T| v.partial_cmp(v).is_some();
     let Some(&first) = values.iter().find(|v| is_number(v)) else {
         return Part { nan: values.len() as u64, ..Part::default() };
@@ -121,7 +116,7 @@ fn part<T: Scalar>(values: &[T]) -> Part<T> {
     let lo = lo.into_iter().fold(first, |a, b| if b < a { b } else { a });
     let hi = hi.into_iter().fold(first, |a, b| if b > a { b } else { a });
     let nan = nan.iter().map(|n| u64::from(*n)).sum();
-    Part { range: Some((lo, hi)), sum: sum.iter().sum(), count: values.len() as u64 - nan, nan }
+    Part { range: Some((lo.to_f64(), hi.to_f64())), sum: sum.iter().sum(), count: values.len() as u64 - nan, nan }
 }
 
 /// How often values fall into bins of equal width.
@@ -206,25 +201,20 @@ fn count<T: Scalar>(
 ) -> Vec<u64> {
     // pieces large enough that a table each is a small price
     let piece = (16 * slots).max(PIECE) * step;
-    samples
-        .par_chunks(piece)
-        .fold(
-            || vec![0u64; slots],
-            |mut table, piece| {
-                match step {
-                    1 => piece.iter().for_each(|&v| table[slot(v)] += 1),
-                    _ => piece[first..].iter().step_by(step).for_each(|&v| table[slot(v)] += 1),
-                }
-                table
-            },
-        )
-        .reduce(
-            || vec![0u64; slots],
-            |mut a, b| {
-                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-                a
-            },
-        )
+    let tables = parallel::map(samples.len().div_ceil(piece), &|i| {
+        let piece = &samples[i * piece..samples.len().min((i + 1) * piece)];
+        let mut table = vec![0u64; slots];
+        match step {
+            1 => piece.iter().for_each(|&v| table[slot(v)] += 1),
+            _ => piece[first..].iter().step_by(step).for_each(|&v| table[slot(v)] += 1),
+        }
+        table
+    });
+    let mut sums = vec![0; slots];
+    for table in tables {
+        sums.iter_mut().zip(table).for_each(|(a, b)| *a += b);
+    }
+    sums
 }
 
 #[cfg(test)]

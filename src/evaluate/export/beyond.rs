@@ -8,9 +8,9 @@ use glam::{DAffine3, DMat3};
 
 use super::ExportError;
 use super::grid::{Span, vector};
-use super::kernel::Fetch;
 use super::run::Job;
 use crate::volume::Grid;
+use crate::volume::fetch::Fetch;
 
 /// Material found in a search.
 #[derive(Debug, Clone, Copy, Default)]

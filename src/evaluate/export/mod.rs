@@ -34,18 +34,17 @@ mod shift;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use crate::math::parallel;
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
-
-pub use grid::GridChoice;
-pub use kernel::{Blend, Fetch};
 
 use crate::deform::Prepared;
 use crate::math::{BackwardMap, BlockMap, Identity};
+use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
 use crate::volume::statistics::{Statistics, statistics, stored_statistics};
 use crate::volume::{Grid, GridError, Samples, Volume};
 use crate::with_samples;
+pub use grid::GridChoice;
 use grid::{Frame, Span};
 use run::{Job, Watch};
 use shift::{Block, EDGE, Supports};
@@ -246,7 +245,7 @@ pub fn export_field(grid: &Grid, map: &dyn BackwardMap, progress: Progress<'_>) 
     let supports = Supports::new(grid, &map.supports());
     let mut field = zeroed::<f32>(grid.len() * 3)?;
     let watch = Watch::new(progress, nz.div_ceil(EDGE));
-    field.par_chunks_mut(EDGE * nx * ny * 3).enumerate().for_each(|(index, chunk)| {
+    parallel::chunks_mut(&mut field, EDGE * nx * ny * 3, &|index, chunk| {
         if watch.stopped() {
             return;
         }

@@ -3,15 +3,16 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use crate::math::parallel;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::grid::{Frame, Link, Span};
-use super::kernel::{Fetch, Line, ROW, Scratch, Window};
+use super::kernel::{Line, ROW, Scratch, Window};
 use super::shift::{Block, EDGE, Shifts, Supports};
 use super::{ExportError, ExportMap, Precision, Progress};
 use crate::math::OrientedBox;
 use crate::volume::Grid;
+use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
 
 /// A displacement from which a voxel counts as moved, in voxels of the input.
@@ -98,12 +99,11 @@ impl<T: Fetch> Job<'_, T> {
         let [nx, ny, nz] = output.dims;
         let channels = self.sampler.channels();
         let watch = Watch::new(progress, nz.div_ceil(EDGE));
-        let tally = samples
-            .par_chunks_mut(EDGE * nx * ny * channels)
-            .enumerate()
-            .map_init(
+        let scratch = parallel::Pool::default();
+        let tallies = parallel::chunks_mut(samples, EDGE * nx * ny * channels, &|index, chunk| {
+            scratch.with(
                 || self.work(),
-                |work, (index, chunk)| {
+                |work| {
                     let mut tally = Tally::default();
                     if watch.stopped() {
                         return tally;
@@ -117,10 +117,9 @@ impl<T: Fetch> Job<'_, T> {
                     tally
                 },
             )
-            .reduce(Tally::default, |mut a, b| {
-                a += b;
-                a
-            });
+        });
+        let mut tally = Tally::default();
+        tallies.into_iter().for_each(|t| tally += t);
         watch.finish()?;
         Ok(tally)
     }
@@ -143,11 +142,11 @@ impl<T: Fetch> Job<'_, T> {
             };
             (a.0 + b.0, span)
         };
-        (0..dims[2].div_ceil(EDGE))
-            .into_par_iter()
-            .map_init(
+        let scratch = parallel::Pool::default();
+        let found = parallel::map(dims[2].div_ceil(EDGE), &|index| {
+            scratch.with(
                 || self.work(),
-                |work, index| {
+                |work| {
                     let mut found = (0, None);
                     let slab = slab(dims, index);
                     self.blocks(&slab, work, &mut Tally::default(), |i, j, k, row| {
@@ -160,7 +159,8 @@ impl<T: Fetch> Job<'_, T> {
                     found
                 },
             )
-            .reduce(|| (0, None), join)
+        });
+        found.into_iter().fold((0, None), join)
     }
 
     /// Hands every row of every block in a slab (at most [`EDGE`] layers) to the sink as `(i, j, k, samples)`.
