@@ -118,6 +118,35 @@ impl Bvh {
         best.1
     }
 
+    /// The item with the smallest `distance_squared` from `p`, and that; each item lies in its box.
+    pub fn nearest_item(&self, p: DVec3, mut distance_squared: impl FnMut(u32) -> f64) -> Option<(u32, f64)> {
+        let mut best = None;
+        let mut least = f64::INFINITY;
+        let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![0u32] };
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            let to_box = |b: &Aabb| b.nearest(p).distance_squared(p);
+            if to_box(&node.bounds) >= least {
+                continue;
+            }
+            if node.count == 0 {
+                let (left, right) = (at + 1, node.first);
+                let far_left = to_box(&self.nodes[left as usize].bounds) > to_box(&self.nodes[right as usize].bounds);
+                stack.extend(if far_left { [left, right] } else { [right, left] });
+                continue;
+            }
+            for &i in &self.items[node.first as usize..(node.first + node.count) as usize] {
+                if to_box(&self.boxes[i as usize]) < least {
+                    let d = distance_squared(i);
+                    if d < least {
+                        (least, best) = (d, Some((i, d)));
+                    }
+                }
+            }
+        }
+        best
+    }
+
     /// Calls `found` for every item whose box overlaps `query`, in no order.
     pub fn overlapping(&self, query: &Aabb, mut found: impl FnMut(u32)) {
         if self.nodes.is_empty() {

@@ -146,6 +146,11 @@ impl MeshReport {
         Self::look(mesh, true)
     }
 
+    /// All but the self-intersections, which stay 0: many times as fast.
+    pub fn of_connectivity(mesh: &TriMesh) -> Self {
+        Self::look(mesh, false)
+    }
+
     /// `self_intersections` stays 0 if `crossings` are not looked for.
     fn look(mesh: &TriMesh, crossings: bool) -> Self {
         let welded = mesh.welded();

@@ -20,8 +20,8 @@ use super::exact::{side, turn};
 
 /// Answers for many points of one mesh.
 pub struct Locator<'a> {
-    mesh: &'a TriMesh,
-    tree: Bvh,
+    pub(super) mesh: &'a TriMesh,
+    pub(super) tree: Bvh,
 }
 
 impl<'a> Locator<'a> {

@@ -1,14 +1,26 @@
-//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives.
+//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives; tetrahedral meshes and how to make them:
+//! lattices of boxes ([`tet_lattice`]), the inside of a surface ([`stuffing`]), a deformation ([`tet_map`]).
 //!
 //! Connectivity never sees positions.
 
+mod bcc;
+mod bisection;
 mod bvh;
 pub mod check;
+mod distance;
 mod exact;
+mod fill;
 pub mod locate;
 mod nets;
 pub mod primitives;
 pub mod proxy;
+mod random;
+mod stencils;
+pub mod stuffing;
+pub mod tet_faces;
+pub mod tet_lattice;
+pub mod tet_map;
+pub mod tet_quality;
 pub mod tets;
 mod topology;
 
