@@ -15,6 +15,7 @@ const LAYERS: &[(&str, u8)] = &[
     ("subdivide", 2),
     ("render", 2),
     ("compare", 2),
+    ("warp", 2),
     ("scene", 3),
     ("gpu", 3),
     ("evaluate", 4),
