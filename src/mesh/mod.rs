@@ -1,14 +1,16 @@
-//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives.
+//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives; tetrahedral meshes and their reports.
 //!
 //! Connectivity never sees positions.
 
 mod bvh;
+pub mod cells;
 pub mod check;
 mod exact;
 pub mod locate;
 mod nets;
 pub mod primitives;
 pub mod proxy;
+pub mod tet_report;
 pub mod tets;
 mod topology;
 
