@@ -425,7 +425,8 @@ fn impossible_input_is_named() {
     assert_eq!(warp.volume(&volume, &g, &options).err(), Some(WarpError::CellSize(0)));
     let Samples::U16(stored) = &volume.samples else { panic!() };
     let input = Sampler::new(stored, [4, 4, 4], 1);
-    let short = warp.run(input, &WarpOptions::default(), &mut [0u16; 5]);
+    let exact = warp.candidates(Culling::Exact).unwrap();
+    let short = warp.run(&exact, input, &WarpOptions::default(), &mut [0u16; 5]);
     assert_eq!(short.err(), Some(WarpError::Output { voxels: 64, channels: 1, samples: 5 }));
     // points flung to the end of the world: nothing is drawn, and nothing breaks
     let far: Vec<_> = points.iter().map(|p| *p * 1e300).collect();

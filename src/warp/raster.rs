@@ -34,7 +34,6 @@ impl Tally {
         self.repeated += other.repeated;
         self.covered_twice += other.covered_twice;
         self.beyond += other.beyond;
-        self.candidates += other.candidates;
     }
 }
 
@@ -83,7 +82,7 @@ impl<T: Fetch> WithSimd for Draw<'_, '_, T> {
             let tet = &warp.tets[t as usize];
             let place = canvas.reader.place(tet);
             for z in tet.lo[2].max(first)..=tet.hi[2].min(last) {
-                match options.culling {
+                match self.candidates.culling {
                     Culling::Exact => canvas.solve(tet, &place, z),
                     _ => self.candidates.runs(t as usize, z, |y, from, to| canvas.run(tet, None, [from, y, z], to)),
                 }
