@@ -4,6 +4,7 @@
 //! and [`resample`] exports the deformed volume.
 
 mod error;
+pub mod experiments;
 pub mod export;
 pub mod geometry;
 pub mod load;
