@@ -22,8 +22,9 @@
 //! off in slabs of layers, in parallel and without locks, as each slab owns its voxels; a bit for each says whether it was
 //! written. Within a slab the tetrahedra come in the order of their numbers, so the result depends neither on the number of
 //! threads nor on timing. Linear look-ups of rows that stay inside the input are vector code, chosen at run time
-//! (`row.rs`); all others go through [`Sampler`], the `f64` reference.
+//! (`batch.rs`); all others go through [`Sampler`], the `f64` reference.
 
+mod batch;
 pub mod cells;
 mod raster;
 mod row;

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use pulp::WithSimd;
 
+use super::batch::Batch;
 use super::cells::Candidates;
 use super::row::{EDGE, Line, Place, Reader};
 use super::setup::Tet;
@@ -76,7 +77,8 @@ impl<T: Fetch> WithSimd for Draw<'_, '_, T> {
         written.clear();
         written.resize((nx * ny * layers).div_ceil(64), 0);
         let reader = Reader::new(input, options);
-        let mut canvas = Canvas { nx, ny, first, samples, written, reader, tally: Tally::default() };
+        let batch = Box::new(Batch::new());
+        let mut canvas = Canvas { nx, ny, first, samples, written, reader, batch, tally: Tally::default() };
         let last = first + layers as i32 - 1;
         for &t in tets {
             let tet = &warp.tets[t as usize];
@@ -88,18 +90,20 @@ impl<T: Fetch> WithSimd for Draw<'_, '_, T> {
                 }
             }
         }
+        canvas.batch.flush(&canvas.reader, canvas.samples);
         canvas.fill(nx * ny * layers, outside);
         canvas.tally
     }
 }
 
-struct Canvas<'a, T> {
+struct Canvas<'a, T: Fetch> {
     nx: usize,
     ny: usize,
     first: i32,
     samples: &'a mut [T],
     written: &'a mut [u64],
     reader: Reader<'a, T>,
+    batch: Box<Batch<T>>,
     tally: Tally,
 }
 
@@ -188,8 +192,7 @@ impl<T: Fetch> Canvas<'_, T> {
             self.run_in_parts(tet, voxel, start, count);
         } else if let Some((place, from)) = inside {
             self.tally.written += count as u64;
-            let channels = self.reader.channels();
-            self.reader.inside(place, from, &mut self.samples[start * channels..(start + count) * channels]);
+            self.batch.push(&self.reader, place, from, start, count, self.samples);
         } else {
             self.write(tet, voxel, start, count);
         }
@@ -250,7 +253,12 @@ impl<T: Fetch> Canvas<'_, T> {
             step: DVec3::new(tet.rest[0][0], tet.rest[1][0], tet.rest[2][0]),
             weight: tet.jacobian,
         };
-        self.tally.beyond += self.reader.read(&line, out) as u64;
+        let (inside, missed) = self.reader.read(&line, out);
+        self.tally.beyond += missed as u64;
+        if !inside.is_empty() {
+            let (place, from) = self.reader.place_of(&line, inside.start, inside.end);
+            self.batch.push(&self.reader, &place, from, start + inside.start, inside.len(), self.samples);
+        }
     }
 }
 
