@@ -45,14 +45,80 @@ macro_rules! fetch {
     )*};
 }
 
-// adding a half and truncating is vector code everywhere, `round` is not; so are conversions between numbers of 32 bits
+// Conversions from floating point saturate, which vector units do not, so that they go number by number. Instead a number
+// is added so large that the result has no bits behind the point: its low bits are then the whole number, halves to even.
+
+/// 1.5 * 2^23: for numbers below 2^22.
+pub const WHOLE: f32 = 12_582_912.0;
+
+/// 1.5 * 2^52.
+const WIDE_WHOLE: f64 = 6_755_399_441_055_744.0;
+
+/// Nearest whole number of a number from 0 to 2^22, halves up.
+#[inline(always)]
+fn nearest(v: f32) -> u32 {
+    let near = v + WHOLE;
+    near.to_bits() + u32::from(v - (near - WHOLE) == 0.5)
+}
+
+/// Nearest whole number of a number between -2^22 and 2^22, halves away from zero.
+#[inline(always)]
+fn nearest_signed(v: f32) -> u32 {
+    let near = v + WHOLE;
+    let rest = v - (near - WHOLE);
+    near.to_bits() + u32::from((rest == 0.5) & (v > 0.0)) - u32::from((rest == -0.5) & (v < 0.0))
+}
+
+#[inline(always)]
+fn nearest_wide(v: f64) -> u64 {
+    let near = v + WIDE_WHOLE;
+    let rest = v - (near - WIDE_WHOLE);
+    near.to_bits() + u64::from((rest == 0.5) & (v > 0.0)) - u64::from((rest == -0.5) & (v < 0.0))
+}
+
 fetch! {
-    u8 f32 false |v: f32| (v + 0.5) as i32 as u8;
-    i8 f32 false |v: f32| (v + 0.5f32.copysign(v)) as i32 as i8;
-    u16 f32 false |v: f32| (v + 0.5) as i32 as u16;
-    i16 f32 false |v: f32| (v + 0.5f32.copysign(v)) as i32 as i16;
-    u32 f64 false |v: f64| (v + 0.5) as u32;
-    i32 f64 false |v: f64| (v + 0.5f64.copysign(v)) as i32;
+    u8 f32 false |v: f32| nearest(v) as u8;
+    i8 f32 false |v: f32| nearest_signed(v) as i8;
+    u16 f32 false |v: f32| nearest(v) as u16;
+    i16 f32 false |v: f32| nearest_signed(v) as i16;
+    u32 f64 false |v: f64| nearest_wide(v) as u32;
+    i32 f64 false |v: f64| nearest_wide(v) as i32;
     f32 f32 true |v: f32| v;
     f64 f64 true |v: f64| v;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_go_away_from_zero() {
+        for n in 0..=65535u32 {
+            for (part, up) in [(0.0, 0), (0.25, 0), (0.499, 0), (0.5, 1), (0.501, 1), (0.75, 1)] {
+                let v = n as f32 + part;
+                if n + up <= 65535 {
+                    assert_eq!(u32::from(u16::narrow(v)), n + up, "{v}");
+                }
+                if n + up <= 255 {
+                    assert_eq!(u32::from(u8::narrow(v)), n + up, "{v}");
+                }
+                if n + up <= 32767 {
+                    let (n, up) = (n as i32, up as i32);
+                    assert_eq!(i32::from(i16::narrow(v)), n + up, "{v}");
+                    assert_eq!(i32::from(i16::narrow(-v)), -n - up, "{v}");
+                }
+                if n + up <= 127 {
+                    assert_eq!(i32::from(i8::narrow(-v)), -(n as i32 + up as i32), "{v}");
+                }
+                let large = f64::from(n) * 65536.0 + f64::from(part);
+                assert_eq!(u32::narrow(large), n * 65536 + up, "{large}");
+                if n < 32768 {
+                    assert_eq!(i32::narrow(-large), -((n * 65536 + up) as i32), "{large}");
+                }
+            }
+        }
+        // just below a half
+        assert_eq!((u16::narrow(0.499_999_97), i16::narrow(-0.499_999_97), u32::narrow(0.499_999_999_999_999_94)), (0, 0, 0));
+        assert_eq!((i16::narrow(-32768.0), i32::narrow(-2_147_483_648.0), u32::narrow(4_294_967_295.0)), (-32768, i32::MIN, u32::MAX));
+    }
 }
