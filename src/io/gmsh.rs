@@ -3,7 +3,8 @@
 //! After the reference manual of Gmsh, "MSH file format". Read: `$Nodes` with numbers of any kind, `$Elements`, `$Entities` and
 //! `$PartitionedEntities` (for physical groups), and `$NodeData` of three components; all other sections are passed over.
 //! The region of a tetrahedron is its first physical group, 0 where it has none; where no tetrahedron has one, it is the
-//! entity, if there are several. Points without a value in `$NodeData` get NaN.
+//! entity, if there are several. Points without a value in `$NodeData` get NaN; sections for fewer than one point in 16 are
+//! passed over.
 //!
 //! The crate `mshio` is not used: it reads 4.1 only, and no data at the nodes.
 
@@ -173,6 +174,11 @@ fn node_number(id: i64) -> Result<u64, String> {
         .map_err(|_| format!("there is a node with the number {id}; numbers of nodes must not be negative"))
 }
 
+fn agree(said: u64, found: u64, things: &str) -> Result<(), String> {
+    let what = || format!("it says that it has {said} {things}, but its blocks hold {found}");
+    if said == found { Ok(()) } else { Err(what()) }
+}
+
 /// What the sections hold.
 #[derive(Default)]
 struct File {
@@ -216,11 +222,11 @@ impl File {
             elements |= word == b"$Elements";
             s.end(&String::from_utf8_lossy(&word[1..]))?;
         }
-        match (nodes, elements) {
-            (true, true) => Ok(()),
-            (false, _) => Err("there is no section $Nodes in it; the file is cut off or no mesh".to_owned()),
-            (true, false) => Err("there is no section $Elements in it; the file is cut off or no mesh".to_owned()),
+        let missing = if nodes { "$Elements" } else { "$Nodes" };
+        if nodes && elements {
+            return Ok(());
         }
+        Err(format!("there is no section {missing} in it; the file is cut off or no mesh"))
     }
 
     fn nodes_2(&mut self, s: &mut Source) -> Result<(), String> {
@@ -255,11 +261,7 @@ impl File {
                 }
             }
         }
-        let found = self.solids.points.len() - before;
-        if found as u64 != all {
-            return Err(format!("it says that it has {all} nodes, but its blocks hold {found}"));
-        }
-        Ok(())
+        agree(all, (self.solids.points.len() - before) as u64, "nodes")
     }
 
     fn elements_2(&mut self, s: &mut Source) -> Result<(), String> {
@@ -330,10 +332,7 @@ impl File {
             }
             found += count as u64;
         }
-        if found != all {
-            return Err(format!("it says that it has {all} elements, but its blocks hold {found}"));
-        }
-        Ok(())
+        agree(all, found, "elements")
     }
 
     /// Notes the physical groups of volumes.
@@ -389,14 +388,13 @@ impl File {
         for _ in 0..s.words.whole::<u64>()? {
             s.words.number()?;
         }
-        let mut tags = [0u64; 3];
+        // the fourth, of partitions, is of no use here
+        let mut tags = [0u64; 4];
         for i in 0..s.words.whole::<u64>()? {
             let tag: i64 = s.words.whole()?;
-            if let Some(place) = tags.get_mut(i as usize) {
-                *place = tag.max(0) as u64;
-            }
+            tags[i.min(3) as usize] = tag.max(0) as u64;
         }
-        let [_, components, count] = tags;
+        let [_, components, count, _] = tags;
         if components == 0 {
             return Err("the number of components, the second of its whole numbers, is missing".to_owned());
         }
@@ -424,12 +422,14 @@ impl File {
         let Self { mut solids, groups, data, .. } = self;
         let numbers = Numbering::of(&solids).map_err(|what| IoError::malformed(path, what))?;
         for (name, values) in data {
+            // or many small sections would each cost as much memory as all points
+            if values.len() < solids.points.len() / 16 {
+                continue;
+            }
             let mut all = vec![DVec3::NAN; solids.points.len()];
             for (id, value) in values {
-                let Some(index) = numbers.index(id) else {
-                    let what = format!("the data '{}' name node {id}, which is not there", show(name.as_bytes()));
-                    return Err(IoError::malformed(path, what));
-                };
+                let missing = || format!("the data '{}' name node {id}, which is not there", show(name.as_bytes()));
+                let index = numbers.index(id).ok_or_else(|| IoError::malformed(path, missing()))?;
                 all[index as usize] = value;
             }
             solids.add_vectors(&name, all);
@@ -452,18 +452,17 @@ pub fn write(path: &Path, mesh: &TetMesh, options: &TetWriteOptions) -> Result<(
     write_atomic(path, |w| {
         let mut out = Out { w, text };
         let version = if options.gmsh == GmshVersion::V22 { "2.2" } else { "4.1" };
-        out.line(&format!("$MeshFormat\n{version} {} 8", u8::from(!text)))?;
+        writeln!(out.w, "$MeshFormat\n{version} {} 8", u8::from(!text))?;
         if !text {
             out.ints(&[1])?;
-            out.line("")?;
         }
-        out.line("$EndMeshFormat")?;
+        out.end("MeshFormat")?;
         match options.gmsh {
             GmshVersion::V22 => write_2(&mut out, mesh)?,
             GmshVersion::V41 => write_4(&mut out, mesh)?,
         }
         for v in &mesh.vectors {
-            out.line(&format!("$NodeData\n1\n\"{}\"\n1\n0\n3\n0\n3\n{}", v.name, v.values.len()))?;
+            writeln!(out.w, "$NodeData\n1\n\"{}\"\n1\n0\n3\n0\n3\n{}", v.name, v.values.len())?;
             for (x, i) in v.values.iter().zip(1..) {
                 out.ints(&[i])?;
                 out.reals(&x.to_array())?;
@@ -489,14 +488,14 @@ fn volume_of(regions: &[i32], region: i32) -> i32 {
 }
 
 fn write_2(out: &mut Out<impl Write>, mesh: &TetMesh) -> io::Result<()> {
-    out.line(&format!("$Nodes\n{}", mesh.points.len()))?;
+    writeln!(out.w, "$Nodes\n{}", mesh.points.len())?;
     for (p, i) in mesh.points.iter().zip(1..) {
         out.ints(&[i])?;
         out.reals(&p.to_array())?;
         out.end_row()?;
     }
     out.end("Nodes")?;
-    out.line(&format!("$Elements\n{}", mesh.tets.len()))?;
+    writeln!(out.w, "$Elements\n{}", mesh.tets.len())?;
     if !out.text && !mesh.tets.is_empty() {
         out.ints(&[4, mesh.tets.len() as i32, 2])?;
     }
@@ -514,7 +513,7 @@ fn write_2(out: &mut Out<impl Write>, mesh: &TetMesh) -> io::Result<()> {
 fn write_4(out: &mut Out<impl Write>, mesh: &TetMesh) -> io::Result<()> {
     let regions = regions_of(mesh);
     let (lo, hi) = mesh.bounds().unwrap_or_default();
-    out.line("$Entities")?;
+    writeln!(out.w, "$Entities")?;
     out.sizes(&[0, 0, 0, regions.len() as u64])?;
     for (region, volume) in regions.iter().zip(1..) {
         out.end_row()?;
@@ -528,7 +527,7 @@ fn write_4(out: &mut Out<impl Write>, mesh: &TetMesh) -> io::Result<()> {
     out.end("Entities")?;
 
     let n = mesh.points.len() as u64;
-    out.line("$Nodes")?;
+    writeln!(out.w, "$Nodes")?;
     out.sizes(&[1, n, 1, n])?;
     out.end_row()?;
     out.ints(&[3, 1, 0])?;
@@ -547,7 +546,7 @@ fn write_4(out: &mut Out<impl Write>, mesh: &TetMesh) -> io::Result<()> {
     // a block for each run of one region, so that the order of tetrahedra stays
     let all: Vec<i32> = if mesh.regions.is_empty() { vec![0; mesh.tets.len()] } else { mesh.regions.clone() };
     let n = mesh.tets.len() as u64;
-    out.line("$Elements")?;
+    writeln!(out.w, "$Elements")?;
     out.sizes(&[all.chunk_by(|a, b| a == b).count() as u64, n, 1, n])?;
     out.end_row()?;
     let mut tets = mesh.tets.iter().zip(1..);
@@ -571,10 +570,6 @@ struct Out<W> {
 }
 
 impl<W: Write> Out<W> {
-    fn line(&mut self, text: &str) -> io::Result<()> {
-        writeln!(self.w, "{text}")
-    }
-
     fn number(&mut self, x: impl std::fmt::Debug, bytes: &[u8]) -> io::Result<()> {
         if self.text { write!(self.w, "{x:?} ") } else { self.w.write_all(bytes) }
     }

@@ -2,7 +2,7 @@
 //!
 //! After the description of libMeshb, version 7. Read: `Vertices`, `Tetrahedra`, `TetrahedraP2`, `Pyramids`, `Prisms` (or
 //! `Pentahedra`) and `Hexahedra` with their references, which are the regions; other keywords are passed over with their
-//! numbers. The reference 0 stands for none: where all are 0, the mesh has no regions.
+//! numbers. `#` begins a comment. The reference 0 stands for none: where all are 0, the mesh has no regions.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::bytes::ByteOrder;
 use super::tets::{Solids, TetWriteOptions};
-use super::words::{Words, number, show};
+use super::words::{Words, number, show, without_comments};
 use super::{IoError, write_atomic};
 use crate::mesh::cells::{CellKind, CellMesh};
 use crate::mesh::tets::TetMesh;
@@ -58,53 +58,48 @@ fn three_dimensions(dimension: i64) -> Result<(), String> {
 }
 
 fn read_text(bytes: &[u8], solids: &mut Solids, references: &mut Vec<i32>) -> Result<(), String> {
-    let mut words = Words::new(bytes, 1);
-    let first = next(&mut words).unwrap_or_default();
+    let text = without_comments(bytes);
+    let mut words = Words::new(&text, 1);
+    let first = words.next_word().unwrap_or_default();
     if !first.eq_ignore_ascii_case(b"MeshVersionFormatted") {
         return Err("does not begin with MeshVersionFormatted, as files of Medit do".to_owned());
     }
     words.whole::<u32>()?;
     let mut nodes = Vec::new();
     let mut ended = false;
-    while let Some(word) = next(&mut words) {
+    while let Some(word) = words.next_word() {
         let keyword = word.to_ascii_lowercase();
         let at = |what: String| format!("{what}, in {}", show(word));
         if keyword == b"end" {
             ended = true;
             break;
         } else if keyword == b"dimension" {
-            three_dimensions(whole(&mut words).map_err(at)?)?;
+            three_dimensions(words.whole().map_err(at)?)?;
         } else if keyword == b"vertices" {
-            let count = whole::<u64>(&mut words).map_err(at)?;
+            let count = words.whole::<u64>().map_err(at)?;
             let count = words.room(count, 8, "vertices")?;
             solids.points.reserve(count);
             for _ in 0..count {
                 let mut p = [0.0; 3];
                 for x in &mut p {
-                    skip_comments(&mut words);
                     *x = words.number().map_err(at)?;
                 }
-                skip_comments(&mut words);
                 words.number().map_err(at)?;
                 solids.points.push(DVec3::from_array(p));
             }
         } else if let Some((_, _, points, kind)) = CELLS.iter().find(|c| c.0 == keyword) {
-            let count = whole::<u64>(&mut words).map_err(at)?;
+            let count = words.whole::<u64>().map_err(at)?;
             for _ in 0..words.room(count, 2 * (1 + *points as u64), "cells")? {
                 nodes.clear();
                 for _ in 0..*points {
-                    nodes.push(point_number(whole(&mut words).map_err(at)?)?);
+                    nodes.push(point_number(words.whole().map_err(at)?)?);
                 }
                 solids.cell(*kind, &nodes);
-                references.push(reference(whole(&mut words).map_err(at)?)?);
+                references.push(reference(words.whole().map_err(at)?)?);
             }
         } else if word[0].is_ascii_alphabetic() {
             // a keyword that says nothing about solid cells: its numbers end at the next one
-            loop {
-                skip_comments(&mut words);
-                if words.peek().is_none_or(|w| number(w).is_none()) {
-                    break;
-                }
+            while words.peek().is_some_and(|w| number(w).is_some()) {
                 words.next_word();
             }
         } else {
@@ -119,24 +114,6 @@ fn read_text(bytes: &[u8], solids: &mut Solids, references: &mut Vec<i32>) -> Re
     } else {
         Err("ends in the middle of a line; the file is cut off".to_owned())
     }
-}
-
-/// `#` begins a comment.
-fn skip_comments(words: &mut Words) {
-    while words.peek().is_some_and(|w| w[0] == b'#') {
-        words.next_word();
-        words.skip_line();
-    }
-}
-
-fn next<'a>(words: &mut Words<'a>) -> Option<&'a [u8]> {
-    skip_comments(words);
-    words.next_word()
-}
-
-fn whole<T: std::str::FromStr>(words: &mut Words) -> Result<T, String> {
-    skip_comments(words);
-    words.whole()
 }
 
 /// A binary file.

@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::store::write_pair;
 use super::tets::{Solids, TetWriteOptions, read_whole};
-use super::words::Words;
+use super::words::{Words, show, without_comments};
 use super::{IoError, tets};
 use crate::mesh::cells::{CellKind, CellMesh};
 use crate::mesh::tets::TetMesh;
@@ -56,16 +56,6 @@ pub fn parse([node_path, ele_path]: [&Path; 2], node: &[u8], ele: &[u8]) -> Resu
     solids.finish(ele_path)
 }
 
-/// Comments become blank, so that lines keep their numbers.
-fn without_comments(text: &[u8]) -> Vec<u8> {
-    let mut comment = false;
-    let blank = text.iter().map(|&b| {
-        comment = b != b'\n' && (comment || b == b'#');
-        if comment { b' ' } else { b }
-    });
-    blank.collect()
-}
-
 fn ended(words: &mut Words, things: &str) -> Result<(), String> {
     // a last number without a line end may have been cut
     if words.left() == 0 {
@@ -76,7 +66,7 @@ fn ended(words: &mut Words, things: &str) -> Result<(), String> {
         Some(word) => Err(format!(
             "line {} has '{}' behind the last of its {things}; the file should end there",
             words.line,
-            super::words::show(word)
+            show(word)
         )),
     }
 }

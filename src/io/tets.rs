@@ -1,5 +1,6 @@
 //! Tetrahedral meshes by file extension, and what their readers share.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
@@ -151,7 +152,15 @@ pub(super) struct Solids {
     /// Points of cells of higher order, as numbered in the file.
     between: Vec<u64>,
     pub regions: Vec<i32>,
-    pub vectors: Vec<PointVectors>,
+    vectors: Vec<PointVectors>,
+    names: HashMap<String, Name>,
+}
+
+/// A name of vectors.
+struct Name {
+    index: usize,
+    /// Vectors that should have had this name.
+    copies: u32,
 }
 
 impl Solids {
@@ -174,13 +183,29 @@ impl Solids {
 
     /// Adds vectors, one for each point; a name that is there already gets a number behind it.
     pub fn add_vectors(&mut self, name: &str, values: Vec<DVec3>) {
-        let taken = |n: &str| self.vectors.iter().any(|v| v.name == n);
-        let mut name = name.to_owned();
-        if taken(&name) {
-            let free = (2..).map(|k| format!("{name}#{k}")).find(|n| !taken(n));
-            name = free.unwrap_or(name);
+        let mut free = name.to_owned();
+        let mut copies = self.names.get(name).map_or(1, |place| place.copies);
+        while self.names.contains_key(&free) {
+            copies += 1;
+            free = format!("{name}#{copies}");
         }
-        self.vectors.push(PointVectors { name, values });
+        if let Some(place) = self.names.get_mut(name) {
+            place.copies = copies;
+        }
+        self.names.insert(free.clone(), Name { index: self.vectors.len(), copies: 1 });
+        self.vectors.push(PointVectors { name: free, values });
+    }
+
+    /// The vectors of this name.
+    pub fn vectors_mut(&mut self, name: &str) -> Option<&mut Vec<DVec3>> {
+        self.names.get(name).map(|place| &mut self.vectors[place.index].values)
+    }
+
+    /// What only some of the parts of a file had is left out.
+    pub fn drop_partial_vectors(&mut self) {
+        let points = self.points.len();
+        self.vectors.retain(|v| v.values.len() == points);
+        self.names.clear();
     }
 
     /// Checks everything.

@@ -122,7 +122,7 @@ impl Frame {
         let mut out = vec![T::zeroed(); whole];
         let mut filled = vec![false; whole / channels];
         let [nx, ny, _] = size(&self.extent);
-        for (extent, samples, c) in pieces {
+        for (extent, samples, c) in pieces.iter().filter(|p| !p.1.is_empty()) {
             if samples.scalar_type() != T::TYPE || *c != channels {
                 return Err("its pieces have samples of different types".into());
             }

@@ -196,20 +196,20 @@ impl Piece {
         solids.points.extend(points);
         for array in point_data.into_iter().filter(|a| a.components == 3) {
             let values = array.numbers.points();
-            match solids.vectors.iter_mut().find(|v| v.name == array.name && v.values.len() as u64 == first) {
-                Some(v) => v.values.extend(values),
-                None if first == 0 => solids.add_vectors(&array.name, values),
-                None => {}
+            match solids.vectors_mut(&array.name) {
+                // pieces before this one had it, too
+                Some(list) if first > 0 && list.len() as u64 == first => list.extend(values),
+                _ if first == 0 => solids.add_vectors(&array.name, values),
+                _ => {}
             }
         }
         Ok(())
     }
 }
 
-/// What only some of the pieces had is left out.
-pub(super) fn finish(solids: &mut Solids) {
-    let points = solids.points.len();
-    solids.vectors.retain(|v| v.values.len() == points);
+/// Whether an array of the cells by this name may hold their regions.
+pub(super) fn is_region(name: &str) -> bool {
+    REGIONS.iter().any(|r| name.eq_ignore_ascii_case(r))
 }
 
 /// The regions of all cells, if there is an array of whole numbers by one of the names for them.

@@ -7,6 +7,7 @@
 //! the numbers and the data are encoded one after the other.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::io::Read;
 
 use flate2::read::ZlibDecoder;
@@ -22,6 +23,10 @@ use super::words::{Words, show};
 
 /// Elements in elements after which a file is not believed.
 const DEEPEST: usize = 64;
+/// Attributes of one element, each of which is compared with all others.
+const MOST_ATTRIBUTES: usize = 64;
+/// How often all appended data may be read: arrays may share data, but not without end.
+const MOST_SHARED: u64 = 4;
 
 /// An element with what is in it.
 #[derive(Default)]
@@ -36,9 +41,12 @@ impl<'a> Element<'a> {
     fn open(start: &BytesStart) -> Result<Self, String> {
         let name = String::from_utf8_lossy(start.name().as_ref()).into_owned();
         let mut attributes = Vec::new();
-        for attribute in start.attributes() {
+        for (i, attribute) in start.attributes().enumerate() {
             let bad =
                 |e: &dyn std::fmt::Display| format!("the element {} has a bad attribute ({e})", show(name.as_bytes()));
+            if i == MOST_ATTRIBUTES {
+                return Err(bad(&format!("there are more than {MOST_ATTRIBUTES}")));
+            }
             let attribute = attribute.map_err(|e| bad(&e))?;
             let value = attribute.unescape_value().map_err(|e| bad(&e))?.into_owned();
             attributes.push((String::from_utf8_lossy(attribute.key.as_ref()).into_owned(), value));
@@ -75,6 +83,9 @@ pub(super) struct Document<'a> {
     header: usize,
     compressor: Option<String>,
     appended: Option<Stream<'a>>,
+    /// Encoded bytes that arrays have taken so far, and how many they may.
+    taken: Cell<u64>,
+    most: u64,
 }
 
 impl<'a> Document<'a> {
@@ -109,7 +120,8 @@ impl<'a> Document<'a> {
         };
         let compressor = root.get("compressor").filter(|c| !c.is_empty()).map(str::to_owned);
         let appended = cut.map(|at| appended(&bytes[at..])).transpose()?;
-        Ok(Self { root, order, header, compressor, appended })
+        let most = MOST_SHARED * bytes.len() as u64;
+        Ok(Self { root, order, header, compressor, appended, taken: Cell::new(0), most })
     }
 
     /// The element that the type of the file is named after.
@@ -136,8 +148,7 @@ impl<'a> Document<'a> {
             "String" | "Bit" => return Ok(None),
             other => return Err(at(format!("its type '{}' is none of VTK's", show(other.as_bytes()))).into()),
         };
-        let components =
-            if element.get("NumberOfComponents").is_some() { element.number("NumberOfComponents")? } else { 1 };
+        let components = components(element)?;
         let numbers = match element.get("format").unwrap_or("ascii") {
             "ascii" => {
                 let mut words = Words::new(&element.text, 1);
@@ -159,17 +170,28 @@ impl<'a> Document<'a> {
         Ok(Some(Array { name, components, numbers }))
     }
 
-    /// All arrays of an element such as `PointData`.
-    pub fn arrays(&self, element: Option<&Element<'a>>) -> Result<Vec<Array>, Fault> {
-        let list = element.map(|e| e.all("DataArray")).into_iter().flatten();
-        list.filter_map(|e| self.array(e).transpose()).collect()
+    /// The arrays of an element such as `PointData` whose name and number of components are `wanted`.
+    pub fn arrays(
+        &self,
+        element: Option<&Element<'a>>,
+        wanted: impl Fn(&str, usize) -> bool,
+    ) -> Result<Vec<Array>, Fault> {
+        let mut out = Vec::new();
+        for e in element.map(|e| e.all("DataArray")).into_iter().flatten() {
+            if wanted(e.get("Name").unwrap_or_default(), components(e)?) {
+                out.extend(self.array(e)?);
+            }
+        }
+        Ok(out)
     }
 
     fn decode(&self, kind: Kind, mut data: Stream, at: &dyn Fn(String) -> String) -> Result<Numbers, Fault> {
         let bytes = match self.compressor.as_deref() {
             None => {
                 let size = self.size(&mut data).map_err(at)?;
-                data.take(size).map_err(at)?.into_owned()
+                let taken = data.take(size).map_err(at)?;
+                self.share(size).map_err(at)?;
+                taken.into_owned()
             }
             Some("vtkZLibDataCompressor") => self.inflated(&mut data).map_err(at)?,
             Some(other) => {
@@ -180,6 +202,15 @@ impl<'a> Document<'a> {
             }
         };
         Ok(Numbers::from_bytes(kind, bytes, self.order))
+    }
+
+    /// Counts bytes that an array takes. Of arrays that all name the same data there could be as many as fit the file.
+    fn share(&self, bytes: u64) -> Result<(), String> {
+        self.taken.set(self.taken.get().saturating_add(bytes));
+        if self.taken.get() <= self.most {
+            return Ok(());
+        }
+        Err("with it the arrays take more data than the file has; its length or offset must be wrong".to_owned())
     }
 
     /// One of the numbers before data.
@@ -198,6 +229,7 @@ impl<'a> Document<'a> {
         let sizes = (0..blocks).map(|_| self.size(data)).collect::<Result<Vec<u64>, String>>()?;
         let packed = sizes.iter().fold(0u64, |sum, s| sum.saturating_add(*s));
         let packed = data.take(packed)?;
+        self.share(packed.len() as u64)?;
         let whole = if last == 0 { blocks } else { blocks - 1 };
         let total = whole.checked_mul(size).and_then(|n| n.checked_add(last));
         // deflate makes at most 1032 bytes of one
@@ -223,6 +255,10 @@ impl<'a> Document<'a> {
         })?;
         Ok(out)
     }
+}
+
+fn components(array: &Element) -> Result<usize, String> {
+    if array.get("NumberOfComponents").is_some() { array.number("NumberOfComponents") } else { Ok(1) }
 }
 
 /// The outermost element; where the rest of the file is `cut` away, elements may be open at the end.

@@ -13,7 +13,7 @@ use super::deflate::{Wrapper, write_deflated};
 use super::error::Fault;
 use super::tets::{Solids, TetWriteOptions};
 use super::volume::Encoding;
-use super::vtk_cells::{self, Array, Lists, Piece};
+use super::vtk_cells::{Array, Lists, Piece, is_region};
 use super::vtk_xml::{Document, Element};
 use super::{IoError, write_atomic};
 use crate::mesh::cells::CellMesh;
@@ -36,7 +36,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<CellMesh, IoError> {
         Ok(())
     };
     read(&mut solids).map_err(|fault| fault.of(path))?;
-    vtk_cells::finish(&mut solids);
+    solids.drop_partial_vectors();
     solids.finish(path)
 }
 
@@ -71,8 +71,8 @@ fn piece(document: &Document, element: &Element) -> Result<Piece, Fault> {
         points: places,
         cells: lists,
         types: list("types")?.ok_or("the types of its cells are not whole numbers")?,
-        point_data: document.arrays(element.child("PointData"))?,
-        cell_data: document.arrays(element.child("CellData"))?,
+        point_data: document.arrays(element.child("PointData"), |_, components| components == 3)?,
+        cell_data: document.arrays(element.child("CellData"), |name, components| components == 1 && is_region(name))?,
     })
 }
 

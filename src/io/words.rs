@@ -1,5 +1,6 @@
 //! Files of words, such as numbers in text, among which there may be stretches of bytes.
 
+use std::borrow::Cow;
 use std::str::FromStr;
 
 /// What is left of a file, read word by word, with the line that the last word stands in.
@@ -103,6 +104,19 @@ impl<'a> Words<'a> {
     }
 }
 
+/// A text whose comments, from `#` to the end of the line, are blank, so that lines keep their numbers.
+pub(super) fn without_comments(text: &[u8]) -> Cow<'_, [u8]> {
+    if !text.contains(&b'#') {
+        return text.into();
+    }
+    let mut comment = false;
+    let blank = text.iter().map(|&b| {
+        comment = b != b'\n' && (comment || b == b'#');
+        if comment { b' ' } else { b }
+    });
+    blank.collect::<Vec<u8>>().into()
+}
+
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
@@ -139,6 +153,12 @@ mod tests {
         assert!(w.skip_past(b"$End") && !w.skip_past(b"$End"));
         assert_eq!((w.rest_of_line(), w.peek(), w.next_word()), (&b""[..], Some(&b"x"[..]), Some(&b"x"[..])));
         assert_eq!((w.left(), w.take(1).is_err(), w.rest_of_line()), (0, true, &b""[..]));
+    }
+
+    #[test]
+    fn comments_become_blank() {
+        assert_eq!(*without_comments(b"a # b\n#\nc#d"), *b"a    \n \nc  ");
+        assert!(matches!(without_comments(b"a b\n"), Cow::Borrowed(b"a b\n")));
     }
 
     #[test]
