@@ -1,5 +1,6 @@
 //! L5: the command line, one file per verb. Exit 0, 1 (the work failed), 2 (bad usage).
 
+mod compare;
 mod convert;
 mod demo;
 mod export;
@@ -35,6 +36,7 @@ enum Verb {
     Slice(slice::Args),
     Render(render::Args),
     Export(export::Args),
+    Compare(compare::Args),
     Demo(demo::Args),
 }
 
@@ -97,6 +99,7 @@ fn run(verb: &Verb) -> anyhow::Result<Answer> {
         Verb::Slice(args) => slice::run(args).map(|json| Answer { text: format!("{json:#}\n"), json }),
         Verb::Render(args) => render::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Compare(args) => compare::run(args),
         Verb::Demo(args) => demo::run(args),
     }
 }
