@@ -1,5 +1,6 @@
 //! `voxclay export`: the deformed volume on a grid.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -7,16 +8,23 @@ use glam::DVec3;
 use serde_json::json;
 
 use super::Answer;
-use super::view::parse_proxy;
-use crate::evaluate::export::{ExportOptions, GridChoice, Precision, export_field, unwatched};
-use crate::evaluate::{load, open, resample};
+use super::render::{lattice_json, unconverged};
+use super::view::{checked_tolerance, parse_proxy};
+use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
+use crate::evaluate::export::{ExportOptions, GridChoice, Precision, export_field, stored_outside, unwatched};
+use crate::evaluate::picture::Refinement;
+use crate::evaluate::resample::Exported;
+use crate::evaluate::{load, open, resample, tets};
 use crate::io;
+use crate::volume::Volume;
 use crate::volume::sampling::Interpolation;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum ModeArg {
     /// Slice by slice; the map is interpolated where that is exact enough.
     Slicing,
+    /// The volume warped through a lattice of tetrahedra.
+    Tets,
     /// The backward map for every voxel in f64, on the CPU.
     Reference,
 }
@@ -43,6 +51,8 @@ impl From<InterpolationArg> for Interpolation {
 /// Resample the deformed volume into a new grid and write it.
 ///
 /// Example: voxclay export sculpt.voxclay -o sculpt.nrrd
+///
+/// Through tetrahedra, certified: voxclay export sculpt.voxclay --mode tets --tolerance 0.05 --certificate c.json -o sculpt.nrrd
 #[derive(clap::Args)]
 pub struct Args {
     /// A project (.voxclay), a volume file, or phantom:NAME[:SIZE].
@@ -53,6 +63,9 @@ pub struct Args {
     output: PathBuf,
     #[arg(long, value_enum, default_value = "slicing")]
     mode: ModeArg,
+    /// Largest error of the lattice of --mode tets, in voxels (default: 0.1).
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    tolerance: Option<f64>,
     /// Isotropic spacing in world units (default: as the volume).
     #[arg(long, value_name = "S")]
     spacing: Option<f64>,
@@ -70,6 +83,9 @@ pub struct Args {
     /// Also write the displacement field (3 x f32, world units, from the new grid back to the old place).
     #[arg(long, value_name = "F")]
     field: Option<PathBuf>,
+    /// Also write what the export is worth: holes, overlaps, folds, losses, labels, mass.
+    #[arg(long, value_name = "C.json")]
+    certificate: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> Result<Answer> {
@@ -81,6 +97,10 @@ pub fn run(args: &Args) -> Result<Answer> {
             );
         }
     }
+    if args.tolerance.is_some() && args.mode != ModeArg::Tets {
+        bail!("--tolerance goes with --mode tets only");
+    }
+    let tolerance = checked_tolerance(args.tolerance)?.unwrap_or(tets::TOLERANCE);
     if args.spacing.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
         bail!("--spacing must be above 0");
     }
@@ -99,45 +119,108 @@ pub fn run(args: &Args) -> Result<Answer> {
             (None, false) => GridChoice::SameGrown,
         },
         interpolation: args.interpolation.into(),
-        precision: match args.mode {
-            ModeArg::Slicing => Precision::Fast,
-            ModeArg::Reference => Precision::Reference,
-        },
+        precision: if args.mode == ModeArg::Reference { Precision::Reference } else { Precision::Fast },
         outside: args.outside,
         ..ExportOptions::default()
     };
-    let outcome = resample::export(&object, &options)?;
-    io::write_volume(&args.output, &outcome.volume, &io::WriteOptions::default())?;
+    let Made { volume, mut json, mut text, certificate } = match args.mode {
+        ModeArg::Tets => through_tets(args, &object, &options, tolerance)?,
+        ModeArg::Slicing | ModeArg::Reference => through_map(args, &object, &options)?,
+    };
+    io::write_volume(&args.output, &volume, &io::WriteOptions::default())?;
     if let Some(path) = &args.field {
-        let field = export_field(&outcome.volume.grid, &object.stack.prepared(), &unwatched)?;
+        let field = export_field(&volume.grid, &object.stack.prepared(), &unwatched)?;
         io::write_volume(path, &field, &io::WriteOptions::default())?;
     }
-    let [x, y, z] = outcome.volume.grid.dims;
-    let mode = match args.mode {
-        ModeArg::Slicing => "slicing",
-        ModeArg::Reference => "reference",
-    };
-    let r = &outcome.report;
-    let mut text =
-        format!("{}: {x} x {y} x {z}, {mode}, {:.0} ms; {} voxels moved\n", args.output.display(), outcome.ms, r.moved);
+    let [x, y, z] = volume.grid.dims;
+    json["output"] = json!(args.output.to_string_lossy());
+    json["dims"] = json!([x, y, z]);
+    text.insert_str(0, &format!("{}: {x} x {y} x {z}, ", args.output.display()));
+    if let (Some(path), Some(certificate)) = (&args.certificate, certificate) {
+        let mut page = serde_json::to_value(&certificate)?;
+        for key in ["mode", "output", "dims", "lattice"] {
+            page[key] = json[key].clone();
+        }
+        io::write_atomic(path, |w| Ok(writeln!(w, "{page:#}")?))?;
+        json["certificate"] = json!(path.to_string_lossy());
+        json["sound"] = json!(certificate.sound);
+        let verdict = if certificate.sound { "sound" } else { "not sound" };
+        text.push_str(&format!("  {}: {verdict}\n", path.display()));
+        certificate.faults.iter().for_each(|f| text.push_str(&format!("    {f}\n")));
+    }
+    Ok(Answer { json, text })
+}
+
+/// A volume, and what is to be said about it.
+struct Made {
+    volume: Volume,
+    json: serde_json::Value,
+    /// To stand after the name and the size.
+    text: String,
+    certificate: Option<Certificate>,
+}
+
+fn through_map(args: &Args, object: &load::Object, options: &ExportOptions) -> Result<Made> {
+    let Exported { volume, report: r, outside_mesh, ms } = resample::export(object, options)?;
+    let mode = if args.mode == ModeArg::Reference { "reference" } else { "slicing" };
+    let mut text = format!("{mode}, {ms:.0} ms; {} voxels moved\n", r.moved);
     if r.clipped > 0 {
         let n = r.clipped;
         text.push_str(&format!(
             "  {n} voxels of the object were pulled out of the grid and are not in the file; leave out --same-grid to keep them\n"
         ));
     }
-    Ok(Answer {
-        json: json!({
-            "output": args.output.to_string_lossy(),
-            "dims": [x, y, z],
-            "mode": mode,
-            "moved": r.moved,
-            "outside": r.outside,
-            "outside_mesh": outcome.outside_mesh,
-            "clipped": r.clipped,
-            "mass": { "before": r.mass_before, "after": r.mass_after },
-            "ms": { "resample": r.ms, "total": outcome.ms },
-        }),
-        text,
-    })
+    let certificate = match args.certificate {
+        Some(_) => {
+            let outside = stored_outside(&object.volume, options.outside);
+            Some(certificate::of_map(&subject(object, options, &volume, outside), &object.stack.prepared())?)
+        }
+        None => None,
+    };
+    let json = json!({
+        "mode": mode,
+        "moved": r.moved,
+        "outside": r.outside,
+        "outside_mesh": outside_mesh,
+        "clipped": r.clipped,
+        "mass": { "before": r.mass_before, "after": r.mass_after },
+        "ms": { "resample": r.ms, "total": ms },
+    });
+    Ok(Made { volume, json, text, certificate })
+}
+
+fn through_tets(args: &Args, object: &load::Object, options: &ExportOptions, tolerance: f64) -> Result<Made> {
+    let made = tets::resample(object, options, Refinement::Tolerance(tolerance))?;
+    let lattice = &made.lattice.report;
+    if !lattice.converged {
+        eprintln!("voxclay: {}", unconverged(lattice, tolerance));
+    }
+    let text =
+        format!("tets, {:.0} ms; {} tetrahedra, right to {:.3} voxels\n", made.ms, lattice.tets, lattice.max_error);
+    let certificate = match args.certificate {
+        Some(_) => {
+            let map = object.stack.prepared();
+            let field = TetField {
+                tets: &made.lattice.mesh.tets,
+                rest: &made.lattice.mesh.points,
+                deformed: made.lattice.deformed(),
+                fills: true,
+                exact: Some(&map),
+            };
+            Some(certificate::of_tets(&subject(object, options, &made.volume, made.outside), &field)?)
+        }
+        None => None,
+    };
+    let json = json!({
+        "mode": "tets",
+        "outside": made.volume.grid.len() as u64 - made.tally.written + made.tally.beyond,
+        "outside_mesh": made.outside_mesh,
+        "lattice": lattice_json(lattice),
+        "ms": { "lattice": made.lattice.ms, "warp": made.ms_warp, "total": made.ms },
+    });
+    Ok(Made { volume: made.volume, json, text, certificate })
+}
+
+fn subject<'a>(object: &'a load::Object, options: &ExportOptions, output: &'a Volume, outside: f64) -> Subject<'a> {
+    Subject { input: &object.volume, output, interpolation: options.interpolation, outside, density: false }
 }

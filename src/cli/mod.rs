@@ -1,6 +1,7 @@
 //! L5: the command line, one file per verb. Exit 0, 1 (the work failed), 2 (bad usage).
 
 mod bench;
+mod compare;
 mod convert;
 mod demo;
 mod export;
@@ -38,6 +39,7 @@ enum Verb {
     Render(render::Args),
     Warp(warp::Args),
     Export(export::Args),
+    Compare(compare::Args),
     Demo(demo::Args),
     Bench(bench::Args),
 }
@@ -102,6 +104,7 @@ fn run(verb: &Verb) -> anyhow::Result<Answer> {
         Verb::Render(args) => render::run(args),
         Verb::Warp(args) => warp::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Compare(args) => compare::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Bench(args) => bench::run(args),
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 
 use crate::evaluate::picture::{Backend, Mode, Refinement, ViewOptions};
+use crate::evaluate::{geometry, tets};
 use crate::scene::{Document, ProxySource, ShadingSpec};
 
 /// Which renderer or resampler does the work.
@@ -32,6 +33,8 @@ enum ModeArg {
     Slicing,
     /// The backward map for every fragment: the reference for the subdivision.
     SlicingExact,
+    /// The volume warped through a lattice of tetrahedra, then drawn.
+    Tets,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -54,11 +57,28 @@ enum GradientArg {
 /// How a picture is taken; what is not given comes from the project.
 #[derive(Debug, clap::Args)]
 pub struct ViewArgs {
+    #[command(flatten)]
+    look: LookArgs,
+    #[arg(long, value_enum, default_value = "slicing")]
+    mode: ModeArg,
+    /// Fixed depth, 0 to 8, of the 1 -> 4 subdivision inside displacement volumes, or level of a uniform lattice of
+    /// tetrahedra (default: by --tolerance).
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=8))]
+    subdivision: Option<u8>,
+    /// Largest error of the displaced coordinate, in voxels (default: 0.25, of tets 0.1).
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    tolerance: Option<f64>,
+    /// Leave the background transparent.
+    #[arg(long)]
+    transparent: bool,
+}
+
+/// What is seen, from where, and what draws it.
+#[derive(Debug, clap::Args)]
+pub struct LookArgs {
     /// The mesh that gives the shape: a file, `box`, `auto` or `auto:VALUE` (a hull around all at or above VALUE).
     #[arg(long, value_name = "M")]
     mesh: Option<String>,
-    #[arg(long, value_enum, default_value = "slicing")]
-    mode: ModeArg,
     #[arg(long, value_enum)]
     shading: Option<ShadingArg>,
     /// Isovalue, in the volume's real values (implies --shading iso).
@@ -70,12 +90,6 @@ pub struct ViewArgs {
     /// Number of slices (default: one per finest voxel).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     slices: Option<u32>,
-    /// Fixed depth of the 1 -> 4 subdivision inside displacement volumes, 0 to 8 (default: by --tolerance).
-    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=8))]
-    subdivision: Option<u8>,
-    /// Largest error of the displaced coordinate, in voxels.
-    #[arg(long, value_name = "T", default_value_t = 0.25)]
-    tolerance: f64,
     /// Degrees round the vertical axis, from the front.
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     yaw: Option<f64>,
@@ -95,15 +109,35 @@ pub struct ViewArgs {
     /// Parallel projection.
     #[arg(long)]
     orthographic: bool,
-    /// Leave the background transparent.
-    #[arg(long)]
-    transparent: bool,
     #[arg(long, value_enum, default_value = "auto")]
     backend: BackendArg,
 }
 
 impl ViewArgs {
     /// Puts what was given into the document.
+    pub fn apply(&self, document: &mut Document) -> Result<ViewOptions> {
+        let (mode, usual) = match self.mode {
+            ModeArg::Slicing => (Mode::Slicing, geometry::TOLERANCE),
+            ModeArg::SlicingExact => (Mode::SlicingExact, geometry::TOLERANCE),
+            ModeArg::Tets => (Mode::Tets, tets::TOLERANCE),
+        };
+        let tolerance = checked_tolerance(self.tolerance)?.unwrap_or(usual);
+        let refinement = self.subdivision.map_or(Refinement::Tolerance(tolerance), Refinement::Depth);
+        let view = self.look.apply(document)?;
+        Ok(ViewOptions { mode, refinement, transparent: self.transparent, ..view })
+    }
+}
+
+/// A tolerance in voxels, if one is given.
+pub fn checked_tolerance(tolerance: Option<f64>) -> Result<Option<f64>> {
+    if tolerance.is_some_and(|t| !(t.is_finite() && t > 0.0)) {
+        bail!("--tolerance must be above 0 voxels");
+    }
+    Ok(tolerance)
+}
+
+impl LookArgs {
+    /// Puts what was given into the document; mode and refinement of the view are the defaults.
     pub fn apply(&self, document: &mut Document) -> Result<ViewOptions> {
         if let Some(word) = &self.mesh {
             document.proxy = parse_proxy(word)?;
@@ -124,9 +158,6 @@ impl ViewArgs {
         if self.zoom.is_some_and(|z| !(1e-3..=1e3).contains(&z)) {
             bail!("--zoom must lie between 0.001 and 1000");
         }
-        if !(self.tolerance.is_finite() && self.tolerance > 0.0) {
-            bail!("--tolerance must be above 0 voxels");
-        }
         let camera = &mut document.camera;
         camera.yaw = self.yaw.unwrap_or(camera.yaw);
         camera.pitch = self.pitch.unwrap_or(camera.pitch);
@@ -146,16 +177,10 @@ impl ViewArgs {
         Ok(ViewOptions {
             size: self.size,
             slices: self.slices.map(|n| n as usize),
-            mode: match self.mode {
-                ModeArg::Slicing => Mode::Slicing,
-                ModeArg::SlicingExact => Mode::SlicingExact,
-            },
-            refinement: match self.subdivision {
-                Some(depth) => Refinement::Depth(depth),
-                None => Refinement::Tolerance(self.tolerance),
-            },
+            mode: Mode::default(),
+            refinement: Refinement::Tolerance(geometry::TOLERANCE),
             backend: self.backend.into(),
-            transparent: self.transparent,
+            transparent: false,
         })
     }
 }

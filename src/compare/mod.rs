@@ -15,10 +15,13 @@
 //! # Practice
 //!
 //! Pure functions on slices of samples; any type that widens to `f64`. NaN at the same place in both is no difference; NaN
-//! in one only makes RMSE and largest difference NaN.
+//! in one only makes RMSE and largest difference NaN. [`picture`] has the same for pictures, and draws where they differ.
+
+pub mod colormap;
+mod digits;
+pub mod picture;
 
 use crate::math::parallel;
-
 use crate::volume::{Samples, Scalar, Volume};
 use crate::with_samples;
 

@@ -19,6 +19,16 @@ pub enum EvaluateError {
     Slice(#[from] crate::slice::SliceError),
     #[error(transparent)]
     Export(#[from] super::export::ExportError),
+    #[error(transparent)]
+    Lattice(#[from] mesh::tet_map::MapError),
+    #[error(transparent)]
+    Warp(#[from] crate::warp::WarpError),
+    #[error(transparent)]
+    Certificate(#[from] super::certificate::CertificateError),
+    #[error(transparent)]
+    Compare(#[from] crate::compare::CompareError),
+    #[error(transparent)]
+    Picture(#[from] crate::render::PictureError),
     #[error("there is no phantom named '{0}'; there are: {names}", names = phantom_names())]
     NoSuchPhantom(String),
     #[error("a phantom of {0} voxels along its longest side cannot be made; 1 to 2048 can")]

@@ -29,6 +29,9 @@ pub enum Refinement {
     Tolerance(f64),
 }
 
+/// Tolerance where none is given, in voxels.
+pub const TOLERANCE: f64 = 0.25;
+
 /// Deeper than this no tolerance leads: 4^8 triangles for one.
 const DEEPEST: u32 = 8;
 /// More slices than this are a mistake.

@@ -1,8 +1,11 @@
 //! L4: from the document to what is derived from it, on the CPU or the GPU.
 //!
 //! [`load::load`] brings a document's data into memory, [`geometry`] makes slices of it for a view, [`picture`] draws them,
-//! and [`resample`] exports the deformed volume.
+//! and [`resample`] exports the deformed volume, [`tets`] does both through a lattice of tetrahedra. [`certificate`] says what
+//! an export is worth, [`compare`] what each mode is.
 
+pub mod certificate;
+pub mod compare;
 mod error;
 pub mod experiments;
 pub mod export;
@@ -11,6 +14,7 @@ pub mod load;
 mod mask;
 pub mod picture;
 pub mod resample;
+pub mod tets;
 
 pub use error::EvaluateError;
 

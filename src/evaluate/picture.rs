@@ -7,7 +7,9 @@ use std::time::Instant;
 use super::EvaluateError;
 use super::geometry::{self, GeometryOptions};
 use super::load::Object;
+use super::tets;
 use crate::gpu::{self, Gpu, Preference};
+use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
 
 pub use super::geometry::Refinement;
@@ -30,6 +32,9 @@ pub enum Mode {
     Slicing,
     /// The backward map for each fragment.
     SlicingExact,
+    /// The volume warped through a lattice of tetrahedra first, then drawn as one that is not deformed. The refinement is
+    /// the lattice's.
+    Tets,
 }
 
 /// How a picture is taken.
@@ -55,14 +60,34 @@ pub struct PictureReport {
     pub fragments: Option<u64>,
     pub backend: &'static str,
     pub device: String,
+    /// Of [`Mode::Tets`].
+    pub tets: Option<TetsReport>,
     pub ms_geometry: f64,
     pub ms_draw: f64,
     pub ms_total: f64,
 }
 
+/// What was warped before it was drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TetsReport {
+    pub lattice: MapReport,
+    pub ms_lattice: f64,
+    pub ms_warp: f64,
+}
+
 /// Whether it is worth asking: on Linux, a graphics card shows as a device file.
 fn may_have_gpu() -> bool {
     !cfg!(target_os = "linux") || ["/dev/dri", "/dev/nvidia0", "/dev/dxg"].iter().any(|p| Path::new(p).exists())
+}
+
+/// How slices for a picture are made.
+pub(super) fn geometry_options(options: &ViewOptions) -> GeometryOptions {
+    GeometryOptions {
+        slices: options.slices,
+        refinement: options.refinement,
+        subdivide: options.mode == Mode::Slicing,
+        size: options.size,
+    }
 }
 
 /// A renderer with its device, kept from picture to picture.
@@ -96,16 +121,15 @@ impl Renderer {
         options: &ViewOptions,
     ) -> Result<(Picture, PictureReport), EvaluateError> {
         let started = Instant::now();
-        let geometry = Arc::new(geometry::slices(
-            object,
-            camera,
-            &GeometryOptions {
-                slices: options.slices,
-                refinement: options.refinement,
-                subdivide: options.mode == Mode::Slicing,
-                size: options.size,
-            },
-        )?);
+        if options.mode == Mode::Tets {
+            let warped = tets::warped(object, options.refinement)?;
+            let drawn = ViewOptions { mode: Mode::Slicing, ..*options };
+            let (picture, report) = self.picture(&warped.object, camera, look, &drawn)?;
+            let tets::Warped { report: lattice, ms_lattice, ms_warp, .. } = warped;
+            let tets = Some(TetsReport { lattice, ms_lattice, ms_warp });
+            return Ok((picture, PictureReport { tets, ms_total: started.elapsed().as_secs_f64() * 1e3, ..report }));
+        }
+        let geometry = Arc::new(geometry::slices(object, camera, &geometry_options(options))?);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         let drawing = Instant::now();
         let look = Look { transparent: options.transparent, ..*look };
@@ -134,6 +158,7 @@ impl Renderer {
             slices: geometry.slices.len(),
             triangles: geometry.indices.len() / 3,
             fragments,
+            tets: None,
             backend: if self.gpu.is_some() { "gpu" } else { "cpu" },
             device: match &self.gpu {
                 Some(gpu) => gpu.gpu().name(),

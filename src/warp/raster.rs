@@ -310,7 +310,8 @@ mod tests {
         let mut plain = vec![false; 512];
         for _ in 0..300 {
             let start = next(500) as usize;
-            let count = 1 + next((512 - start as u64).min(if next(4) == 0 { 300 } else { 12 })) as usize;
+            let longest = if next(4) == 0 { 300 } else { 12 };
+            let count = 1 + next((512 - start as u64).min(longest)) as usize;
             let free = plain[start..start + count].iter().all(|b| !b);
             assert_eq!(claim(&mut bits, start, count) == 0, free);
             if free {

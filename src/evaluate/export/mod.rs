@@ -28,6 +28,7 @@
 mod beyond;
 mod grid;
 mod kernel;
+mod plan;
 mod run;
 mod shift;
 
@@ -46,6 +47,7 @@ use crate::volume::{Grid, GridError, Samples, Volume};
 use crate::with_samples;
 pub use grid::GridChoice;
 use grid::{Frame, Span};
+pub use plan::{output_grid, stored_outside};
 use run::{Job, Watch};
 use shift::{Block, EDGE, Supports};
 
@@ -184,13 +186,7 @@ fn typed<T: Fetch>(
     let clock = Instant::now();
     let input = &volume.grid;
     let facts = stored_statistics(volume);
-    let outside = match options.outside {
-        Some(real) => volume.rescale.stored(real),
-        // the lowest real value is the highest stored one where the slope is negative
-        None if volume.channels == 1 && volume.rescale.slope < 0.0 && facts.max.is_finite() => facts.max,
-        None if volume.channels == 1 && volume.rescale.slope > 0.0 && facts.min.is_finite() => facts.min,
-        None => 0.0,
-    };
+    let outside = plan::outside(volume, options.outside, &facts);
     let boxes = map.supports();
     let base = grid::ungrown(input, options.grid)?;
     if base.len() as u64 > options.limit {

@@ -1,0 +1,71 @@
+//! What an export would start from, for those who fill the grid in another way: its grid and its outside value.
+
+use super::grid::{self, Frame, Span};
+use super::run::Job;
+use super::shift::Supports;
+use super::{ExportError, ExportMap, ExportOptions, beyond};
+use crate::volume::fetch::Fetch;
+use crate::volume::sampling::Sampler;
+use crate::volume::statistics::{Statistics, stored_statistics};
+use crate::volume::{Grid, Volume};
+use crate::with_samples;
+
+/// The grid that [`super::export`] would write on.
+///
+/// # Errors
+/// If the grid makes no sense or is too large.
+pub fn output_grid(volume: &Volume, map: &dyn ExportMap, options: &ExportOptions) -> Result<Grid, ExportError> {
+    let base = grid::ungrown(&volume.grid, options.grid)?;
+    if base.len() as u64 > options.limit {
+        return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit });
+    }
+    if !options.grid.grows() {
+        return Ok(base);
+    }
+    let outside = stored_outside(volume, options.outside);
+    with_samples!(&volume.samples, v => grown(volume, v, map, options, base, outside))
+}
+
+fn grown<T: Fetch>(
+    volume: &Volume,
+    samples: &[T],
+    map: &dyn ExportMap,
+    options: &ExportOptions,
+    base: Grid,
+    outside: f64,
+) -> Result<Grid, ExportError> {
+    let input = &volume.grid;
+    let boxes = map.supports();
+    let framed = map.in_frame(&input.world_from_voxel);
+    let job = Job {
+        input,
+        boxes: &boxes,
+        sampler: Sampler::new(samples, input.dims, volume.channels),
+        map,
+        framed: framed.as_ref(),
+        frame: Frame::new(input, &base),
+        supports: Supports::new(&base, &boxes),
+        interpolation: options.interpolation,
+        precision: options.precision,
+        outside: vec![T::from_f64(outside); volume.channels],
+    };
+    let candidate = Span::of(&base).hull(grid::reached(input, &base, &boxes));
+    grid::cut(&base, &beyond::grow(&job, &base, candidate, options.limit)?)
+}
+
+/// The stored value beyond the input, not yet rounded to the sample type: of the given real value, or by default the lowest
+/// of a scalar volume and 0 in every channel of others.
+pub fn stored_outside(volume: &Volume, real: Option<f64>) -> f64 {
+    outside(volume, real, &stored_statistics(volume))
+}
+
+/// The same where the statistics of the stored values are at hand.
+pub(super) fn outside(volume: &Volume, real: Option<f64>, facts: &Statistics) -> f64 {
+    match real {
+        Some(real) => volume.rescale.stored(real),
+        // the lowest real value is the highest stored one where the slope is negative
+        None if volume.channels == 1 && volume.rescale.slope < 0.0 && facts.max.is_finite() => facts.max,
+        None if volume.channels == 1 && volume.rescale.slope > 0.0 && facts.min.is_finite() => facts.min,
+        None => 0.0,
+    }
+}
