@@ -56,7 +56,7 @@ pub fn run(args: &Args) -> Result<Answer> {
     }
     let look = document.look.look(object.iso);
     let camera = object.camera(&document.camera);
-    let compared = compare(&object, &camera, &look, &view, &ways, &|next| eprintln!("voxclay: {next}"))?;
+    let compared = compare(&object, &camera, &look, &view, &ways, &|next| eprintln!("comparing {next}"))?;
     let facts = facts(&compared, &view, object.stack.active().count());
     let mut json = json!({
         "project": args.project,
@@ -113,7 +113,9 @@ fn parse_setting(word: &str, setting: &str, deepest: u8) -> Result<Refinement> {
     } else if let Some(d) = setting.parse::<u8>().ok().filter(|d| *d <= deepest) {
         return Ok(Refinement::Depth(d));
     }
-    bail!("--modes {word}: expected a whole number from 0 to {deepest}, or a tolerance in voxels with a point such as 0.05")
+    bail!(
+        "--modes {word}: expected a whole number from 0 to {deepest}, or a tolerance in voxels with a point such as 0.05"
+    )
 }
 
 fn facts(compared: &Comparison, view: &ViewOptions, strokes: usize) -> Vec<(String, String)> {
@@ -189,8 +191,10 @@ fn table(compared: &Comparison) -> String {
     for p in &compared.pairs {
         let d = &p.difference;
         let psnr = if d.psnr.is_infinite() { "equal".to_owned() } else { format!("{:.1}", d.psnr) };
-        let [max, mean] =
-            p.coordinate.map_or([None; 2], |c| [Some(c.max), Some(c.mean)]).map(|e| e.map_or(String::new(), |e| format!("{e:.4}")));
+        let [max, mean] = p
+            .coordinate
+            .map_or([None; 2], |c| [Some(c.max), Some(c.mean)])
+            .map(|e| e.map_or(String::new(), |e| format!("{e:.4}")));
         let [a, b] = p.falls.map_or([None; 2], |f| f.map(Some)).map(|f| f.map_or(String::new(), |f| format!("{f:.2}")));
         let inside = p.volume.map_or(String::new(), |v| format!("{:.3}/255", v.interior.rms * 255.0));
         let _ = writeln!(

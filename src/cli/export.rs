@@ -189,10 +189,8 @@ fn through_tets(args: &Args, object: &load::Object, options: &ExportOptions, tol
     if !lattice.converged {
         eprintln!("voxclay: {}", unconverged(lattice, tolerance));
     }
-    let text = format!(
-        "tets, {:.0} ms; {} tetrahedra, right to {:.3} voxels\n",
-        made.ms, lattice.tets, lattice.max_error
-    );
+    let text =
+        format!("tets, {:.0} ms; {} tetrahedra, right to {:.3} voxels\n", made.ms, lattice.tets, lattice.max_error);
     let certificate = match args.certificate {
         Some(_) => {
             let map = object.stack.prepared();

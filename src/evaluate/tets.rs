@@ -57,9 +57,7 @@ impl Lattice {
         let metric = input.voxel_from_world().matrix3;
         let options = MapOptions { metric, feature, tolerance: TOLERANCE, ..MapOptions::default() };
         let (mesh, report) = match fineness {
-            Refinement::Tolerance(tolerance) => {
-                from_backward_map(map, &region, &MapOptions { tolerance, ..options })?
-            }
+            Refinement::Tolerance(tolerance) => from_backward_map(map, &region, &MapOptions { tolerance, ..options })?,
             Refinement::Depth(level) => {
                 let cells = cells_for(&region, START, Split::Six).map_err(crate::mesh::tet_map::MapError::from)?;
                 uniform_from_backward_map(map, &region, cells, level.into(), &options)?
@@ -95,11 +93,7 @@ pub struct Resampled {
 ///
 /// # Errors
 /// If the grid makes no sense or is too large, or there is no lattice.
-pub fn resample(
-    object: &Object,
-    options: &ExportOptions,
-    fineness: Refinement,
-) -> Result<Resampled, EvaluateError> {
+pub fn resample(object: &Object, options: &ExportOptions, fineness: Refinement) -> Result<Resampled, EvaluateError> {
     let started = Instant::now();
     let mut made = through(object, options, fineness)?;
     if object.shaped {
@@ -114,7 +108,11 @@ pub fn resample(
 ///
 /// # Errors
 /// As [`resample`].
-pub(super) fn through(object: &Object, options: &ExportOptions, fineness: Refinement) -> Result<Resampled, EvaluateError> {
+pub(super) fn through(
+    object: &Object,
+    options: &ExportOptions,
+    fineness: Refinement,
+) -> Result<Resampled, EvaluateError> {
     let started = Instant::now();
     let (input, map) = (&object.volume, object.stack.prepared());
     let grid = output_grid(input, &map, options)?;

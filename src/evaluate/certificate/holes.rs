@@ -23,9 +23,8 @@ pub(super) fn enclosed([nx, ny, nz]: [usize; 3], uncovered: &[Vec<u32>]) -> u64 
         for up in [true, false] {
             for n in 0..count {
                 let i = if up { n } else { count - 1 - n };
-                let reaches = |s: &[u8]| {
-                    border(i) || steps.iter().any(|d| s[if up { i - d } else { i + d }] == REACHED)
-                };
+                let reaches =
+                    |s: &[u8]| border(i) || steps.iter().any(|d| s[if up { i - d } else { i + d }] == REACHED);
                 if state[i] == OPEN && reaches(&state) {
                     state[i] = REACHED;
                     changed = true;

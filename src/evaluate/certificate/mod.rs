@@ -329,9 +329,13 @@ impl Certificate {
         match &self.coverage.tets {
             Some(c) => {
                 say(not_positive, &|n| format!("the deformation turns {n} of {samples} tetrahedra inside out"));
-                say(c.more, &|n| format!("{n} voxels lie in more than one tetrahedron: the deformed mesh overlaps itself"));
+                say(c.more, &|n| {
+                    format!("{n} voxels lie in more than one tetrahedron: the deformed mesh overlaps itself")
+                });
                 let missing = if fills { c.none } else { c.enclosed };
-                say(missing, &|n| format!("{n} voxels lie in no tetrahedron, though the mesh should hold them: it has a hole"));
+                say(missing, &|n| {
+                    format!("{n} voxels lie in no tetrahedron, though the mesh should hold them: it has a hole")
+                });
             }
             None => say(not_positive, &|n| format!("the deformation folds at {n} of {samples} voxels looked at")),
         }
