@@ -102,6 +102,74 @@ fn info_convert_and_back() {
     assert!(left_over(&dir).is_empty());
 }
 
+/// Facts of a tetrahedral mesh stay the same through all formats; vectors are left out with a warning where they must be.
+#[test]
+fn tetrahedral_meshes_have_facts_and_change_format() {
+    let dir = TempDir::new().unwrap();
+    let text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n$EndNodes\n\
+                $Elements\n2\n1 4 2 7 1 1 2 3 4\n2 4 2 8 1 2 3 4 5\n$EndElements\n\
+                $NodeData\n1\n\"deformed\"\n0\n3\n0\n3\n5\n1 0 0 1\n2 1 0 1\n3 0 1 1\n4 0 0 2\n5 1 1 2\n$EndNodeData\n";
+    std::fs::write(dir.path().join("two.msh"), text).unwrap();
+    let first = json(&dir, &["info", "two.msh"]);
+    has_keys(&first, &["kind", "nodes", "tets", "inverted", "volume", "boundary_faces", "components", "bounds"]);
+    assert_eq!((&first["kind"], &first["nodes"], &first["tets"]), (&"tets".into(), &5.into(), &2.into()));
+    assert_eq!((&first["inverted"], &first["boundary_faces"], &first["regions"]), (&0.into(), &6.into(), &2.into()));
+    assert!((first["volume"].as_f64().unwrap() - 0.5).abs() < 1e-15);
+    assert_eq!(first["vectors"], serde_json::json!(["deformed"]));
+    let mut from = "two.msh".to_owned();
+    for to in ["a.vtu", "b.vtk", "c.msh", "d.mesh", "e.node", "f.ele"] {
+        let out = voxclay(&dir, &["convert", &from, to]);
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(0), "{said}");
+        assert_eq!(said.contains("cannot hold the vectors deformed"), to == "d.mesh", "{to}: {said}");
+        let facts = json(&dir, &["info", to]);
+        for key in ["kind", "nodes", "tets", "inverted", "volume", "boundary_faces", "components", "regions", "bounds"]
+        {
+            assert_eq!(facts[key], first[key], "{key} of {to}");
+        }
+        from = to.to_owned();
+    }
+    assert!(exists(&dir, "e.ele") && exists(&dir, "f.node"));
+    let text = voxclay(&dir, &["info", "a.vtu"]);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("2 tetrahedra"));
+    fails(&dir, &["convert", "a.vtu", "a.obj"], &["a tetrahedral mesh", "a surface", "one kind"]);
+    fails(&dir, &["convert", "a.vtu", "a.meshb"], &["a.meshb", "write .mesh instead"]);
+    fails(&dir, &["convert", "a.vtu", "a.vti"], &["a.vti", "expected"]);
+    std::fs::write(dir.path().join("cut.vtu"), "<VTKFile type=\"UnstructuredGrid\"><Unstr").unwrap();
+    fails(&dir, &["info", "cut.vtu"], &["cut.vtu"]);
+    assert!(left_over(&dir).is_empty() && !exists(&dir, "a.obj"));
+}
+
+/// A `.vtk` file is a volume, a surface or a mesh by what it holds.
+#[test]
+fn a_vtk_file_is_what_it_holds() {
+    let dir = TempDir::new().unwrap();
+    let head = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET";
+    let put = |name: &str, text: String| std::fs::write(dir.path().join(name), text).unwrap();
+    put(
+        "v.vtk",
+        format!(
+            "{head} STRUCTURED_POINTS\nDIMENSIONS 2 2 1\nPOINT_DATA 4\nSCALARS s short\nLOOKUP_TABLE default\n1 2 3 4\n"
+        ),
+    );
+    put(
+        "s.vtk",
+        format!(
+            "{head} POLYDATA\nPOINTS 4 float\n0 0 0 1 0 0 0 1 0 0 0 1\nPOLYGONS 4 16\n3 0 2 1 3 0 1 3 3 1 2 3 3 2 0 3\n"
+        ),
+    );
+    put("t.vtk", format!("{head} RECTILINEAR_GRID\n"));
+    assert_eq!(json(&dir, &["info", "v.vtk"])["dims"], serde_json::json!([2, 2, 1]));
+    assert_eq!(json(&dir, &["info", "s.vtk"])["euler"], 2);
+    json(&dir, &["convert", "v.vtk", "v.nrrd"]);
+    json(&dir, &["convert", "s.vtk", "s.ply"]);
+    fails(&dir, &["info", "t.vtk"], &["t.vtk", "RECTILINEAR_GRID"]);
+    fails(&dir, &["convert", "s.vtk", "o.nrrd"], &["a surface", "a volume"]);
+    fails(&dir, &["convert", "v.nrrd", "o.vtk"], &["a volume", "a tetrahedral mesh"]);
+    fails(&dir, &["info", "none.vtk"], &["none.vtk"]);
+    assert!(!exists(&dir, "o.nrrd") && !exists(&dir, "o.vtk"));
+}
+
 #[test]
 fn slice_has_the_keys_of_the_contract() {
     let dir = TempDir::new().unwrap();

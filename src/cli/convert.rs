@@ -7,17 +7,17 @@ use serde_json::json;
 
 use super::Answer;
 use crate::evaluate::load;
-use crate::io;
+use crate::io::{self, FileKind};
 
-/// Convert a volume or a surface to another format of its kind, by the file name's ending.
+/// Convert a volume, a surface or a tetrahedral mesh to another format of its kind, by the file name's ending.
 ///
 /// Example: voxclay convert scan.nii.gz scan.nrrd
 #[derive(clap::Args)]
 pub struct Args {
-    /// A volume, phantom:NAME[:SIZE], or a surface.
+    /// A volume, phantom:NAME[:SIZE], a surface or a tetrahedral mesh.
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write: .nrrd .nhdr .nii .nii.gz .mha .mhd .raw or .obj .stl .ply.
+    /// The file to write: .nrrd .nhdr .nii .nii.gz .mha .mhd .raw, or .obj .stl .ply, or .vtu .vtk .msh .mesh .node .ele.
     #[arg(value_name = "OUT")]
     output: PathBuf,
 }
@@ -25,38 +25,73 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Answer> {
     let started = std::time::Instant::now();
     let word = args.input.to_string_lossy();
-    let phantom = word.starts_with("phantom:");
-    let surface_in = !phantom && io::is_surface_path(&args.input);
-    let surface_out = io::is_surface_path(&args.output);
-    if !surface_out && !io::is_volume_path(&args.output) {
+    let from = if word.starts_with("phantom:") { Some(FileKind::Volume) } else { io::kind_of(&args.input)? };
+    let Some(to) = written(&args.output) else {
         bail!(
-            "{}: no known format by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw for a volume or .obj .stl .ply for a surface",
+            "{}: cannot be written by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw for a volume, .obj .stl .ply for a surface or .vtu .vtk .msh .mesh .node .ele for a tetrahedral mesh",
             args.output.display()
         );
-    }
-    if surface_in != surface_out {
-        let kind = |surface| if surface { "a surface" } else { "a volume" };
+    };
+    // what nobody knows by its name may be a volume by its content
+    let from = from.unwrap_or(FileKind::Volume);
+    if from != to {
         bail!(
             "{} is {} and {} would be {}; convert goes between formats of one kind",
             args.input.display(),
-            kind(surface_in),
+            kind_name(from),
             args.output.display(),
-            kind(surface_out)
+            kind_name(to)
         );
     }
-    let what = if surface_in {
-        let mesh = io::read_surface(&args.input)?;
-        io::write_surface(&args.output, &mesh)?;
-        format!("{} triangles", mesh.triangles.len())
-    } else {
-        let volume = load::read_source(&load::parse_source(&word)?, Path::new("."))?;
-        io::write_volume(&args.output, &volume, &io::WriteOptions::default())?;
-        let [x, y, z] = volume.grid.dims;
-        format!("{x} x {y} x {z} {}", volume.samples.scalar_type().name())
+    let what = match from {
+        FileKind::Surface => {
+            let mesh = io::read_surface(&args.input)?;
+            io::write_surface(&args.output, &mesh)?;
+            format!("{} triangles", mesh.triangles.len())
+        }
+        FileKind::Tets => {
+            let mut mesh = io::read_tets(&args.input)?;
+            if !io::keeps_vectors(&args.output) && !mesh.vectors.is_empty() {
+                let names: Vec<&str> = mesh.vectors.iter().map(|v| v.name.as_str()).collect();
+                eprintln!(
+                    "voxclay: {}: this format cannot hold the vectors {}, so they are left out; .vtu, .vtk and .msh can",
+                    args.output.display(),
+                    names.join(", ")
+                );
+                mesh.vectors.clear();
+            }
+            io::write_tets(&args.output, &mesh, &io::TetWriteOptions::default())?;
+            format!("{} nodes, {} tetrahedra", mesh.points.len(), mesh.tets.len())
+        }
+        FileKind::Volume => {
+            let volume = load::read_source(&load::parse_source(&word)?, Path::new("."))?;
+            io::write_volume(&args.output, &volume, &io::WriteOptions::default())?;
+            let [x, y, z] = volume.grid.dims;
+            format!("{x} x {y} x {z} {}", volume.samples.scalar_type().name())
+        }
     };
     let ms = started.elapsed().as_secs_f64() * 1e3;
     Ok(Answer {
         json: json!({ "output": args.output.to_string_lossy(), "ms": { "total": ms } }),
         text: format!("{}: {what}\n", args.output.display()),
     })
+}
+
+/// What is written by this name.
+fn written(path: &Path) -> Option<FileKind> {
+    if io::is_surface_path(path) {
+        Some(FileKind::Surface)
+    } else if io::is_tets_path(path) {
+        Some(FileKind::Tets)
+    } else {
+        io::is_volume_path(path).then_some(FileKind::Volume)
+    }
+}
+
+fn kind_name(kind: FileKind) -> &'static str {
+    match kind {
+        FileKind::Volume => "a volume",
+        FileKind::Surface => "a surface",
+        FileKind::Tets => "a tetrahedral mesh",
+    }
 }

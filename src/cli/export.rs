@@ -30,12 +30,22 @@ enum ModeArg {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum InterpolationArg {
+pub enum InterpolationArg {
     /// For labels: no new values.
     Nearest,
     Linear,
     /// Catmull-Rom, clamped to the local range.
     Cubic,
+}
+
+impl From<InterpolationArg> for Interpolation {
+    fn from(word: InterpolationArg) -> Self {
+        match word {
+            InterpolationArg::Nearest => Self::Nearest,
+            InterpolationArg::Linear => Self::Linear,
+            InterpolationArg::Cubic => Self::Cubic,
+        }
+    }
 }
 
 /// Resample the deformed volume into a new grid and write it.
@@ -108,11 +118,7 @@ pub fn run(args: &Args) -> Result<Answer> {
             (None, true) => GridChoice::Same,
             (None, false) => GridChoice::SameGrown,
         },
-        interpolation: match args.interpolation {
-            InterpolationArg::Nearest => Interpolation::Nearest,
-            InterpolationArg::Linear => Interpolation::Linear,
-            InterpolationArg::Cubic => Interpolation::Cubic,
-        },
+        interpolation: args.interpolation.into(),
         precision: if args.mode == ModeArg::Reference { Precision::Reference } else { Precision::Fast },
         outside: args.outside,
         ..ExportOptions::default()

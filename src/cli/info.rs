@@ -1,4 +1,4 @@
-//! `voxclay info`: facts of volumes and surfaces.
+//! `voxclay info`: facts of volumes, surfaces and tetrahedral meshes.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -8,17 +8,20 @@ use serde_json::{Value, json};
 
 use super::Answer;
 use crate::evaluate::load;
-use crate::io;
+use crate::io::{self, FileKind};
 use crate::mesh::check::MeshReport;
+use crate::mesh::tet_report::TetReport;
+use crate::mesh::tets::TetMesh;
 use crate::volume::statistics::statistics;
 use crate::volume::{Space, Volume};
 
-/// Facts of a volume, a surface mesh or several files.
+/// Facts of a volume, a surface, a tetrahedral mesh or several files.
 ///
 /// Example: voxclay info head.nii.gz skull.stl
 #[derive(clap::Args)]
 pub struct Args {
-    /// Volumes (.nrrd .nhdr .nii .nii.gz .mha .mhd .raw .json, or phantom:NAME[:SIZE]) and surfaces (.obj .stl .ply).
+    /// Volumes (.nrrd .nhdr .nii .nii.gz .mha .mhd .raw .json .vti .vtk, or phantom:NAME[:SIZE]), surfaces (.obj .stl .ply .vtk)
+    /// and tetrahedral meshes (.vtu .vtk .msh .mesh .meshb .node .ele).
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 }
@@ -37,18 +40,19 @@ pub fn run(args: &Args) -> Result<Answer> {
 
 fn facts(file: &Path) -> Result<(Value, String)> {
     let word = file.to_string_lossy();
-    if io::is_surface_path(file) {
-        let mesh = io::read_surface_as_stored(file)?;
-        return Ok(mesh_facts(file, &MeshReport::of(&mesh)));
+    let kind = if word.starts_with("phantom:") { Some(FileKind::Volume) } else { io::kind_of(file)? };
+    match kind {
+        Some(FileKind::Volume) => {
+            let volume = load::read_source(&load::parse_source(&word)?, Path::new("."))?;
+            Ok(volume_facts(file, &volume))
+        }
+        Some(FileKind::Surface) => Ok(mesh_facts(file, &MeshReport::of(&io::read_surface_as_stored(file)?))),
+        Some(FileKind::Tets) => Ok(tet_facts(file, &io::read_tets(file)?)),
+        None => bail!(
+            "{}: no known format by this name; expected a volume (.nrrd .nhdr .nii .nii.gz .mha .mhd .raw .json .vti .vtk), a surface (.obj .stl .ply .vtk) or a tetrahedral mesh (.vtu .vtk .msh .mesh .meshb .node .ele)",
+            file.display()
+        ),
     }
-    if word.starts_with("phantom:") || io::is_volume_path(file) {
-        let volume = load::read_source(&load::parse_source(&word)?, Path::new("."))?;
-        return Ok(volume_facts(file, &volume));
-    }
-    bail!(
-        "{}: no known format by this name; expected a volume (.nrrd .nhdr .nii .nii.gz .mha .mhd .raw .json) or a surface (.obj .stl .ply)",
-        file.display()
-    )
 }
 
 fn volume_facts(file: &Path, volume: &Volume) -> (Value, String) {
@@ -153,6 +157,66 @@ fn mesh_facts(file: &Path, r: &MeshReport) -> (Value, String) {
     }
     for defect in r.defects() {
         let _ = writeln!(text, "  defect     {defect}");
+    }
+    (json, text)
+}
+
+fn tet_facts(file: &Path, mesh: &TetMesh) -> (Value, String) {
+    let r = TetReport::of(mesh);
+    let bounds = r.bounds.map(|(lo, hi)| [lo.to_array(), hi.to_array()]);
+    let vectors: Vec<&str> = mesh.vectors.iter().map(|v| v.name.as_str()).collect();
+    let json = json!({
+        "file": file.to_string_lossy(),
+        "kind": "tets",
+        "nodes": r.nodes,
+        "tets": r.tets,
+        "unused_points": r.unused_points,
+        "inverted": r.inverted,
+        "degenerate": r.degenerate,
+        "volume": r.volume,
+        "signed_volume": r.signed_volume,
+        "size_ratio": r.size_ratio,
+        "boundary_faces": r.boundary_faces,
+        "boundary_euler": r.boundary_euler,
+        "boundary_components": r.boundary_components,
+        "components": r.components,
+        "non_conforming_faces": r.non_conforming_faces,
+        "regions": r.regions,
+        "vectors": vectors,
+        "bounds": bounds,
+    });
+    let mut text = format!(
+        "  tets       {} nodes ({} unused), {} tetrahedra, {} component{}\n  boundary   {} faces, Euler number {}, {} component{}\n  volume     {:.6}; largest by smallest {:.4}\n",
+        r.nodes,
+        r.unused_points,
+        r.tets,
+        r.components,
+        if r.components == 1 { "" } else { "s" },
+        r.boundary_faces,
+        r.boundary_euler,
+        r.boundary_components,
+        if r.boundary_components == 1 { "" } else { "s" },
+        r.volume,
+        r.size_ratio,
+    );
+    if let Some((lo, hi)) = r.bounds {
+        let _ =
+            writeln!(text, "  bounds     {:.6} {:.6} {:.6} to {:.6} {:.6} {:.6}", lo.x, lo.y, lo.z, hi.x, hi.y, hi.z);
+    }
+    if r.regions > 0 {
+        let _ = writeln!(text, "  regions    {}", r.regions);
+    }
+    if !vectors.is_empty() {
+        let _ = writeln!(text, "  vectors    {}", vectors.join(", "));
+    }
+    for (count, what) in [
+        (r.inverted, "tetrahedra have negative volume"),
+        (r.degenerate, "tetrahedra have no volume"),
+        (r.non_conforming_faces, "faces belong to more than two tetrahedra"),
+    ] {
+        if count > 0 {
+            let _ = writeln!(text, "  defect     {count} {what}");
+        }
     }
     (json, text)
 }

@@ -1,5 +1,6 @@
 //! L5: the command line, one file per verb. Exit 0, 1 (the work failed), 2 (bad usage).
 
+mod bench;
 mod compare;
 mod convert;
 mod demo;
@@ -8,6 +9,7 @@ mod info;
 mod render;
 mod slice;
 mod view;
+mod warp;
 
 use std::io::Write;
 use std::panic::catch_unwind;
@@ -35,9 +37,11 @@ enum Verb {
     Convert(convert::Args),
     Slice(slice::Args),
     Render(render::Args),
+    Warp(warp::Args),
     Export(export::Args),
     Compare(compare::Args),
     Demo(demo::Args),
+    Bench(bench::Args),
 }
 
 /// What a verb has to say: the JSON object of the contract, and the same for people.
@@ -98,8 +102,10 @@ fn run(verb: &Verb) -> anyhow::Result<Answer> {
         Verb::Convert(args) => convert::run(args),
         Verb::Slice(args) => slice::run(args).map(|json| Answer { text: format!("{json:#}\n"), json }),
         Verb::Render(args) => render::run(args),
+        Verb::Warp(args) => warp::run(args),
         Verb::Export(args) => export::run(args),
         Verb::Compare(args) => compare::run(args),
         Verb::Demo(args) => demo::run(args),
+        Verb::Bench(args) => bench::run(args),
     }
 }

@@ -1,8 +1,9 @@
 //! Displacements in one fixed direction with everything precomputed; the same formulas in `f32` and `f64`.
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::Falloff;
+use super::framed::Region;
 use crate::math::bspline::{bump, bump_with_slope, rise_and_fall, rise_and_fall_with_slope};
 use crate::math::{BLOCK, Block, JacobianBlock, Real};
 
@@ -94,6 +95,21 @@ impl SplineKernel<f64> {
         Self { peak: peak.to_array(), axes: axes.map(narrow), vector: narrow(vector) }
     }
 
+    /// In coordinates of which the world is an affine image.
+    pub fn in_frame(&self, world_from_local: &DAffine3) -> Self {
+        let local_from_world = world_from_local.inverse();
+        let axes_from_local = world_from_local.matrix3.transpose();
+        Self {
+            peak: local_from_world.transform_point3(self.peak.into()).to_array(),
+            axes: self.axes.map(|a| (axes_from_local * DVec3::from(a)).to_array()),
+            vector: local_from_world.transform_vector3(self.vector.into()).to_array(),
+        }
+    }
+
+    pub fn region(&self) -> Region<f64> {
+        Region::new(self.axes, self.peak, DVec3::NEG_ONE, DVec3::new(1.0, 1.0, 2.0))
+    }
+
     /// In another precision and relative to `center`.
     pub fn about<T: Real>(&self, center: DVec3) -> SplineKernel<T> {
         SplineKernel {
@@ -134,25 +150,55 @@ impl<T: Real> Kernel<T> for SplineKernel<T> {
     }
 }
 
-/// `V = f(|p - center| / radius)`.
+/// `V = f(|m (p - center)|)` with an upper triangular matrix `m`: in the world, 1 / radius.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BallKernel<T> {
     center: [T; 3],
-    inverse_radius: T,
+    /// The rows of the matrix, without the zeros: three, two and one number.
+    metric: [T; 6],
     vector: [T; 3],
     falloff: Falloff,
 }
 
 impl BallKernel<f64> {
     pub fn new(center: DVec3, radius: f64, vector: DVec3, falloff: Falloff) -> Self {
-        Self { center: center.to_array(), inverse_radius: 1.0 / radius, vector: vector.to_array(), falloff }
+        let s = 1.0 / radius;
+        Self { center: center.to_array(), metric: [s, 0.0, 0.0, s, 0.0, s], vector: vector.to_array(), falloff }
+    }
+
+    fn rows(&self) -> [[f64; 3]; 3] {
+        let [a, b, c, d, e, f] = self.metric;
+        [[a, b, c], [0.0, d, e], [0.0, 0.0, f]]
+    }
+
+    /// In coordinates of which the world is an affine image.
+    pub fn in_frame(&self, world_from_local: &DAffine3) -> Self {
+        let local_from_world = world_from_local.inverse();
+        let metric = DMat3::from_cols_array_2d(&self.rows()).transpose() * world_from_local.matrix3;
+        // distances are kept by the triangular factor of M^T M (Cholesky)
+        let g = metric.transpose() * metric;
+        let a = g.x_axis.x.sqrt();
+        let (b, c) = (g.y_axis.x / a, g.z_axis.x / a);
+        let d = (g.y_axis.y - b * b).sqrt();
+        let e = (g.z_axis.y - b * c) / d;
+        let f = (g.z_axis.z - c * c - e * e).sqrt();
+        Self {
+            center: local_from_world.transform_point3(self.center.into()).to_array(),
+            metric: [a, b, c, d, e, f],
+            vector: local_from_world.transform_vector3(self.vector.into()).to_array(),
+            falloff: self.falloff,
+        }
+    }
+
+    pub fn region(&self) -> Region<f64> {
+        Region::new(self.rows(), self.center, DVec3::NEG_ONE, DVec3::ONE)
     }
 
     /// In another precision and relative to `center`.
     pub fn about<T: Real>(&self, center: DVec3) -> BallKernel<T> {
         BallKernel {
             center: narrow(DVec3::from(self.center) - center),
-            inverse_radius: T::of(self.inverse_radius),
+            metric: self.metric.map(T::of),
             vector: convert(self.vector),
             falloff: self.falloff,
         }
@@ -163,7 +209,9 @@ impl<T: Real> BallKernel<T> {
     /// From the centre, in units of the radius.
     #[inline(always)]
     fn local(&self, p: [T; 3]) -> [T; 3] {
-        std::array::from_fn(|i| (p[i] - self.center[i]) * self.inverse_radius)
+        let [x, y, z]: [T; 3] = std::array::from_fn(|i| p[i] - self.center[i]);
+        let [a, b, c, d, e, f] = self.metric;
+        [a * x + b * y + c * z, d * y + e * z, f * z]
     }
 
     #[inline(always)]
@@ -174,10 +222,11 @@ impl<T: Real> BallKernel<T> {
 
     #[inline(always)]
     fn value_and_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> (T, [T; 3]) {
-        let x = self.local(p);
-        let (value, slope) = profile(dot(x, x));
-        let slope = slope * self.inverse_radius;
-        (value, x.map(|c| c * slope))
+        let local = self.local(p);
+        let (value, slope) = profile(dot(local, local));
+        let [x, y, z] = local.map(|c| c * slope);
+        let [a, b, c, d, e, f] = self.metric;
+        (value, [a * x, b * x + d * y, c * x + e * y + f * z])
     }
 }
 

@@ -1,21 +1,24 @@
 //! A lattice with everything precomputed; the same formulas in `f32` and `f64`.
 
-use glam::{DMat3, DVec3};
+use std::sync::Arc;
 
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::framed::Region;
 use crate::math::bspline::{basis, basis_slope};
 use crate::math::{BLOCK, Block, JacobianBlock, Real};
 
 #[derive(Debug, Clone)]
 pub(super) struct LatticeKernel<T> {
     corner: [T; 3],
-    /// The unit axes u, v, w.
+    /// Knot intervals along u, v, w for a step along each coordinate: the unit axes over the knots' distances.
+    knots_from_offset: [[T; 3]; 3],
+    /// What a unit vector of the lattice is in coordinates: in the world, the unit axes.
     axes: [[T; 3]; 3],
-    /// Knot intervals per world unit along each axis.
-    inverse_step: [T; 3],
     /// Knot intervals along each axis.
     cells: [usize; 3],
     /// Vectors in the lattice's own axes, with two layers of zeros all round; the fourth number fills the vector unit.
-    coefficients: Vec<[T; 4]>,
+    coefficients: Arc<[[T; 4]]>,
 }
 
 impl LatticeKernel<f64> {
@@ -23,8 +26,8 @@ impl LatticeKernel<f64> {
     pub fn new(corner: DVec3, axes: DMat3, step: DVec3, cells: [usize; 3], coefficients: &[DVec3]) -> Self {
         Self {
             corner: corner.to_array(),
+            knots_from_offset: (axes * DMat3::from_diagonal(step.recip())).to_cols_array_2d(),
             axes: axes.to_cols_array_2d(),
-            inverse_step: step.recip().to_array(),
             cells,
             coefficients: coefficients.iter().map(|c| [c.x, c.y, c.z, 0.0]).collect(),
         }
@@ -32,20 +35,52 @@ impl LatticeKernel<f64> {
 
     /// In another precision and relative to `center`.
     pub fn about<T: Real>(&self, center: DVec3) -> LatticeKernel<T> {
+        self.about_with(center, self.coefficients.iter().map(|c| c.map(T::of)).collect())
+    }
+
+    /// The same with coefficients that are there already.
+    pub fn about_with<T: Real>(&self, center: DVec3, coefficients: Arc<[[T; 4]]>) -> LatticeKernel<T> {
         LatticeKernel {
             corner: (DVec3::from(self.corner) - center).to_array().map(T::of),
+            knots_from_offset: self.knots_from_offset.map(|a| a.map(T::of)),
             axes: self.axes.map(|a| a.map(T::of)),
-            inverse_step: self.inverse_step.map(T::of),
             cells: self.cells,
-            coefficients: self.coefficients.iter().map(|c| c.map(T::of)).collect(),
+            coefficients,
         }
+    }
+
+    /// In coordinates of which the world is an affine image.
+    pub fn in_frame(&self, world_from_local: &DAffine3) -> Self {
+        let local_from_world = world_from_local.inverse();
+        let axes_from_local = world_from_local.matrix3.transpose();
+        Self {
+            corner: local_from_world.transform_point3(self.corner.into()).to_array(),
+            knots_from_offset: self.knots_from_offset.map(|a| (axes_from_local * DVec3::from(a)).to_array()),
+            axes: self.axes.map(|a| local_from_world.transform_vector3(a.into()).to_array()),
+            ..self.clone()
+        }
+    }
+
+    pub fn narrow(&self) -> Arc<[[f32; 4]]> {
+        self.coefficients.iter().map(|c| c.map(|x| x as f32)).collect()
+    }
+
+    pub fn region(&self) -> Region<f64> {
+        let cells = DVec3::from(self.cells.map(|n| n as f64));
+        Region::new(self.knots_from_offset, self.corner, DVec3::ZERO, cells)
+    }
+
+    /// Bounds of the displacement: it is a convex combination of the coefficients.
+    pub fn range(&self) -> [DVec3; 2] {
+        let vectors = self.coefficients.iter().map(|c| DVec3::from(self.world(*c)));
+        vectors.fold([DVec3::ZERO; 2], |[lo, hi], v| [lo.min(v), hi.max(v)])
     }
 
     /// The derivative of the displacement in the lattice's own axes, at a place inside given in knot intervals.
     pub fn gradient_at_knots(&self, knots: [f64; 3]) -> DMat3 {
         let [_, u, v, w] = self.sums(knots);
         DMat3::from_cols_array_2d(&[u, v, w].map(|d| [d[0], d[1], d[2]]))
-            * DMat3::from_diagonal(self.inverse_step.into())
+            * DMat3::from_diagonal(self.knots_from_offset.map(|a| DVec3::from(a).length()).into())
     }
 }
 
@@ -55,14 +90,14 @@ impl<T: Real> LatticeKernel<T> {
     fn knots(&self, p: [T; 3]) -> Option<[T; 3]> {
         let r: [T; 3] = std::array::from_fn(|i| p[i] - self.corner[i]);
         let knots: [T; 3] = std::array::from_fn(|a| {
-            let axis = self.axes[a];
-            (axis[0] * r[0] + axis[1] * r[1] + axis[2] * r[2]) * self.inverse_step[a]
+            let axis = self.knots_from_offset[a];
+            axis[0] * r[0] + axis[1] * r[1] + axis[2] * r[2]
         });
         let inside = (0..3).all(|a| knots[a] > T::default() && knots[a] < T::of(self.cells[a] as f64));
         inside.then_some(knots)
     }
 
-    /// From the lattice's axes to the world's.
+    /// From the lattice's axes to the coordinates'.
     #[inline(always)]
     fn world(&self, v: [T; 4]) -> [T; 3] {
         let [a, b, c] = self.axes;
@@ -132,7 +167,7 @@ impl<T: Real> LatticeKernel<T> {
         let Some(knots) = self.knots(p) else { return ([T::default(); 3], [[T::default(); 3]; 3]) };
         let [d, du, dv, dw] = self.sums(knots);
         let [du, dv, dw] = [self.world(du), self.world(dv), self.world(dw)];
-        let [a, b, c] = std::array::from_fn(|n| self.axes[n].map(|x| x * self.inverse_step[n]));
+        let [a, b, c] = self.knots_from_offset;
         let gradient = std::array::from_fn(|column| {
             std::array::from_fn(|r| du[r] * a[column] + dv[r] * b[column] + dw[r] * c[column])
         });

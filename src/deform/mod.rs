@@ -30,6 +30,7 @@
 mod displacement;
 mod error;
 mod forward;
+mod framed;
 mod grab;
 mod kernel;
 mod lattice;
@@ -40,6 +41,7 @@ mod stack;
 
 pub use displacement::{DisplacementVolume, Extent};
 pub use error::DeformError;
+pub use framed::{Framed, Near};
 pub use grab::{Falloff, Grab};
 pub use lattice::Lattice;
 pub use limit::{Limit, Limited};

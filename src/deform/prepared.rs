@@ -1,8 +1,9 @@
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::forward::{forward_along, forward_lattice};
+use super::framed::{Any, Framed};
 use super::kernel::{BallKernel, Kernel, SplineKernel};
 use super::lattice_kernel::LatticeKernel;
 use super::stack::{outer, with_gradient};
@@ -79,27 +80,13 @@ impl Prepared {
         blocks(self.steps.iter(), center)
     }
 
-    /// The same for the points of the parallelepiped about `center` with these half edges (columns) only: without the
-    /// deformers that cannot touch one of them, wherever those before may have moved it.
-    pub fn blocks_near<T: Real>(&self, center: DVec3, half_edges: DMat3) -> Blocks<T> {
-        let mut wander = 0.0;
-        let near = self.steps.iter().filter(|s| {
-            let local = s.support.axes.transpose();
-            let edges = local * half_edges;
-            let reach = edges.x_axis.abs() + edges.y_axis.abs() + edges.z_axis.abs() + wander;
-            let gap = (local * (center - s.support.center)).abs() - s.support.half - reach;
-            // the margin covers the rounding of `f32`
-            let touches = gap.max_element() <= 1e-5 * s.support.half.max_element();
-            if touches {
-                wander += match &s.kernel {
-                    AnyKernel::Spline(k) => DVec3::from(k.vector()).length(),
-                    AnyKernel::Ball(k) => DVec3::from(k.vector()).length(),
-                    AnyKernel::Lattice(_) => f64::INFINITY,
-                };
-            }
-            touches
-        });
-        blocks(near, center)
+    /// The same map of coordinates of which the world is an affine image, as voxel indices are.
+    pub fn in_frame(&self, world_from_local: &DAffine3) -> Framed {
+        Framed::new(self.steps.iter().map(|s| match &s.kernel {
+            AnyKernel::Spline(k) => Any::Spline(k.in_frame(world_from_local)),
+            AnyKernel::Ball(k) => Any::Ball(k.in_frame(world_from_local)),
+            AnyKernel::Lattice(k) => Any::Lattice(k.in_frame(world_from_local), k.narrow()),
+        }))
     }
 
     /// Where the undeformed point `q` is seen. See [`super::Stack::forward`].

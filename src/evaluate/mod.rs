@@ -7,6 +7,7 @@
 pub mod certificate;
 pub mod compare;
 mod error;
+pub mod experiments;
 pub mod export;
 pub mod geometry;
 pub mod load;

@@ -62,7 +62,7 @@ pub(super) enum ByteOrder {
 }
 
 impl ByteOrder {
-    const NATIVE: Self = if cfg!(target_endian = "big") { Self::Big } else { Self::Little };
+    pub const NATIVE: Self = if cfg!(target_endian = "big") { Self::Big } else { Self::Little };
 }
 
 /// How samples are laid down in a file.

@@ -27,3 +27,30 @@ impl IoError {
         Self::System { path: path.to_owned(), action, source }
     }
 }
+
+/// Why the content of a file is refused, before the file is named.
+pub(super) enum Fault {
+    Malformed(String),
+    Unsupported(String),
+}
+
+impl Fault {
+    pub fn of(self, path: &Path) -> IoError {
+        match self {
+            Self::Malformed(what) => IoError::malformed(path, what),
+            Self::Unsupported(what) => IoError::unsupported(path, what),
+        }
+    }
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self::Malformed(what)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(what: &str) -> Self {
+        Self::Malformed(what.to_owned())
+    }
+}

@@ -8,7 +8,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::surface::{Polygons, number, show};
+use super::surface::Polygons;
+use super::words::{number, show};
 use super::{IoError, write_atomic};
 use crate::mesh::TriMesh;
 

@@ -7,7 +7,8 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::surface::{Polygons, Words, show};
+use super::surface::Polygons;
+use super::words::{Words, show};
 use super::{IoError, write_atomic};
 use crate::mesh::TriMesh;
 

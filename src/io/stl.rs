@@ -9,7 +9,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::surface::{Polygons, Words, show};
+use super::surface::Polygons;
+use super::words::{Words, show};
 use super::{IoError, write_atomic};
 use crate::mesh::TriMesh;
 

@@ -4,21 +4,23 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use super::{IoError, obj, ply, stl};
+use super::tets::extension;
+use super::{IoError, obj, ply, stl, vtk};
 use crate::mesh::TriMesh;
 
 /// Larger coordinates could overflow in products of three.
-const LARGEST: f64 = 1e90;
+pub(super) const LARGEST: f64 = 1e90;
 /// Ear clipping takes quadratic time; nobody models a concave face of more corners.
 const MOST_CONCAVE_CORNERS: usize = 4096;
 
-/// Whether the name ends in a surface format that is read and written here: `obj`, `stl` or `ply` in any case.
+/// Whether the name ends in a surface format that is read and written here: `obj`, `stl` or `ply` in any case. A `.vtk` file
+/// may be read as a surface, too (see [`super::kind_of`]).
 pub fn is_surface_path(path: &Path) -> bool {
     extension(path).is_some_and(|e| matches!(e.as_str(), "obj" | "stl" | "ply"))
 }
 
 /// Reads a surface. Polygons become triangles. STL has no indices, so exact copies of a position become one vertex there;
-/// OBJ and PLY keep their vertices as they are (see [`TriMesh::welded`]).
+/// OBJ, PLY and VTK keep their vertices as they are (see [`TriMesh::welded`]).
 ///
 /// # Errors
 /// If the file cannot be read, is not what its extension says, breaks off, names vertices that it does not have, has
@@ -37,6 +39,7 @@ pub fn read_surface_as_stored(path: &Path) -> Result<TriMesh, IoError> {
         Some("obj") => obj::parse,
         Some("stl") => stl::parse,
         Some("ply") => ply::parse,
+        Some("vtk") => vtk::parse_surface,
         _ => return Err(unknown(path)),
     };
     let bytes = std::fs::read(path).map_err(|e| IoError::system(path, "read", e))?;
@@ -61,10 +64,6 @@ pub fn write_surface(path: &Path, mesh: &TriMesh) -> Result<(), IoError> {
         return Err(IoError::unsupported(path, format!("vertex {} is not finite, so it cannot be written", v + 1)));
     }
     write(path, mesh)
-}
-
-fn extension(path: &Path) -> Option<String> {
-    Some(path.extension()?.to_str()?.to_ascii_lowercase())
 }
 
 fn unknown(path: &Path) -> IoError {
@@ -208,54 +207,6 @@ fn triangulate(face: &[u32], positions: &[DVec3], out: &mut Vec<[u32; 3]>) -> bo
     true
 }
 
-/// Words of a text file, with the line they stand in.
-pub(super) struct Words<'a> {
-    rest: &'a [u8],
-    pub line: usize,
-}
-
-impl<'a> Words<'a> {
-    pub fn new(text: &'a [u8], line: usize) -> Self {
-        Self { rest: text, line }
-    }
-
-    pub fn next_word(&mut self) -> Option<&'a [u8]> {
-        let blank = self.rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(self.rest.len());
-        self.line += self.rest[..blank].iter().filter(|&&b| b == b'\n').count();
-        self.rest = &self.rest[blank..];
-        let len = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
-        let (word, rest) = self.rest.split_at(len);
-        self.rest = rest;
-        (len > 0).then_some(word)
-    }
-
-    pub fn skip_line(&mut self) {
-        let len = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
-        self.rest = &self.rest[len..];
-    }
-
-    /// The next word as a number; the error says what stands there instead.
-    pub fn number(&mut self) -> Result<f64, String> {
-        let line = self.line;
-        let word =
-            self.next_word().ok_or_else(|| format!("the file breaks off at line {line}; a number should follow"))?;
-        number(word).ok_or_else(|| format!("line {} has '{}' where a number should stand", self.line, show(word)))
-    }
-}
-
-pub(super) fn number(word: &[u8]) -> Option<f64> {
-    std::str::from_utf8(word).ok()?.parse().ok()
-}
-
-/// A word of a file for a message: printable and short.
-pub(super) fn show(word: &[u8]) -> String {
-    let text: String = String::from_utf8_lossy(word).chars().filter(|c| !c.is_control()).collect();
-    match text.char_indices().nth(24) {
-        Some((cut, _)) => format!("{}...", &text[..cut]),
-        None => text,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -315,15 +266,5 @@ mod tests {
         cut(&[[1.0, 1.0]; 6]);
         cut(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [1.5, 0.0]]);
         cut(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]);
-    }
-
-    #[test]
-    fn words_count_lines() {
-        let mut w = Words::new(b" solid\tx\r\n\n 1e3 no", 1);
-        assert_eq!(w.next_word(), Some(&b"solid"[..]));
-        w.skip_line();
-        assert_eq!((w.number(), w.line), (Ok(1000.0), 3));
-        assert_eq!(w.number(), Err("line 3 has 'no' where a number should stand".to_owned()));
-        assert!(w.number().is_err_and(|e| e.contains("breaks off")));
     }
 }

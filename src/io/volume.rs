@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::bytes::{self, Plan};
 use super::store::{ends_with, file_name};
-use super::{IoError, metaimage, nifti, nrrd, raw};
+use super::tets::{extension, read_whole};
+use super::{IoError, metaimage, nifti, nrrd, raw, vti, vtk};
 use crate::volume::{Grid, Volume};
 
 /// How samples are written.
@@ -54,8 +55,9 @@ fn by_name(path: &Path) -> Option<Format> {
     ENDINGS.iter().find(|(ending, _)| ends_with(path, ending)).map(|(_, format)| *format)
 }
 
-/// Whether the name is one that volumes have: `.nrrd .nhdr .nii .nii.gz .hdr .img .mha .mhd .raw .json`. Of these, `.json`
-/// may be something else too: a grid ([`read_grid`]), or no volume at all.
+/// Whether the name is one that volumes are read and written by: `.nrrd .nhdr .nii .nii.gz .hdr .img .mha .mhd .raw .json`. Of these, `.json`
+/// may be something else too: a grid ([`read_grid`]), or no volume at all. VTK's `.vti` and `.vtk` are only read (see
+/// [`super::kind_of`]).
 pub fn is_volume_path(path: &Path) -> bool {
     by_name(path).is_some()
 }
@@ -87,7 +89,7 @@ fn format_of(path: &Path) -> Result<Format, IoError> {
     by_content(path)?.or(named).ok_or_else(|| {
         IoError::unsupported(
             path,
-            "is not a volume that Voxclay knows; it reads .nrrd, .nhdr, .nii, .nii.gz, .hdr with .img, .mha, .mhd, and .raw with .json",
+            "is not a volume that Voxclay knows; it reads .nrrd, .nhdr, .nii, .nii.gz, .hdr with .img, .mha, .mhd, .raw with .json, .vti and .vtk",
         )
     })
 }
@@ -106,7 +108,11 @@ fn plan(path: &Path) -> Result<Plan, IoError> {
 /// # Errors
 /// If the file cannot be read, is not sound, or holds what a [`Volume`] cannot.
 pub fn read_volume(path: &Path) -> Result<Volume, IoError> {
-    plan(path)?.load()
+    match extension(path).as_deref() {
+        Some("vti") => vti::parse(path, &read_whole(path)?),
+        Some("vtk") => vtk::parse_volume(path, &read_whole(path)?),
+        _ => plan(path)?.load(),
+    }
 }
 
 /// Reads the grid of a volume, or of a JSON file that describes a grid without data. Samples are not read.
@@ -114,7 +120,12 @@ pub fn read_volume(path: &Path) -> Result<Volume, IoError> {
 /// # Errors
 /// As [`read_volume`].
 pub fn read_grid(path: &Path) -> Result<Grid, IoError> {
-    if ends_with(path, ".json") { raw::read_grid(path) } else { Ok(plan(path)?.grid) }
+    match extension(path).as_deref() {
+        Some("json") => raw::read_grid(path),
+        Some("vti") => vti::parse_grid(path, &read_whole(path)?),
+        Some("vtk") => Ok(vtk::parse_volume(path, &read_whole(path)?)?.grid),
+        _ => Ok(plan(path)?.grid),
+    }
 }
 
 /// Writes a volume in the format that the file's name asks for.

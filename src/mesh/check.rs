@@ -403,14 +403,14 @@ fn pair_intersects(mesh: &TriMesh, s: u32, t: u32) -> bool {
 }
 
 /// Union-find with path halving.
-struct DisjointSets(Vec<u32>);
+pub(super) struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
-    fn new(n: usize) -> Self {
+    pub fn new(n: usize) -> Self {
         Self((0..n as u32).collect())
     }
 
-    fn root(&mut self, mut i: u32) -> u32 {
+    pub fn root(&mut self, mut i: u32) -> u32 {
         while self.0[i as usize] != i {
             let up = self.0[self.0[i as usize] as usize];
             self.0[i as usize] = up;
@@ -419,7 +419,7 @@ impl DisjointSets {
         i
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    pub fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         // towards the smaller index, so that the result does not depend on the order
         self.0[a.max(b) as usize] = a.min(b);

@@ -1,11 +1,13 @@
-//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives; tetrahedral meshes and how to make them:
-//! lattices of boxes ([`tet_lattice`]), the inside of a surface ([`stuffing`]), a deformation ([`tet_map`]).
+//! L1: triangle meshes: positions, triangles, connectivity, checks and primitives; tetrahedral meshes, their reports, and
+//! how to make them: lattices of boxes ([`tet_lattice`]), the inside of a surface ([`stuffing`]), a deformation
+//! ([`tet_map`]).
 //!
 //! Connectivity never sees positions.
 
 mod bcc;
 mod bisection;
 mod bvh;
+pub mod cells;
 pub mod check;
 mod distance;
 mod exact;
@@ -21,6 +23,7 @@ pub mod tet_faces;
 pub mod tet_lattice;
 pub mod tet_map;
 pub mod tet_quality;
+pub mod tet_report;
 pub mod tets;
 mod topology;
 

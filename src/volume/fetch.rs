@@ -38,18 +38,6 @@ pub trait Fetch: Scalar {
     fn narrow(v: Self::Wide) -> Self;
 }
 
-/// The nearest whole number, halves away from zero, of a magnitude below 2^22. Adding 1.5 * 2^23 rounds to a whole number that
-/// then stands in the low bits; unlike a conversion, which has to look after NaN and what does not fit, that is vector code
-/// everywhere.
-#[inline(always)]
-fn nearest(v: f32) -> i32 {
-    const MAGIC: f32 = 12_582_912.0;
-    let up = v.abs() + 0.5;
-    let rounded = up + MAGIC;
-    let floor = rounded.to_bits() as i32 - MAGIC.to_bits() as i32 - i32::from(rounded - MAGIC > up);
-    if v < 0.0 { -floor } else { floor }
-}
-
 macro_rules! fetch {
     ($($t:ident $wide:ident $special:literal $narrow:expr, $pair:ty, $of_two:expr, $half:expr;)*) => {$(
         impl Fetch for $t {
@@ -75,18 +63,91 @@ macro_rules! fetch {
     )*};
 }
 
+// Conversions from floating point saturate, which vector units do not, so that they go number by number. Instead a number
+// is added so large that the result has no bits behind the point: its low bits are then the whole number, halves to even.
+
+/// 1.5 * 2^23: for numbers below 2^22.
+pub const WHOLE: f32 = 12_582_912.0;
+
+/// 1.5 * 2^52.
+const WIDE_WHOLE: f64 = 6_755_399_441_055_744.0;
+
+/// Nearest whole number of a number from 0 to 2^22, halves up.
+#[inline(always)]
+fn nearest(v: f32) -> u32 {
+    let near = v + WHOLE;
+    near.to_bits() + u32::from(v - (near - WHOLE) == 0.5)
+}
+
+/// Nearest whole number of a number between -2^22 and 2^22, halves away from zero.
+#[inline(always)]
+fn nearest_signed(v: f32) -> u32 {
+    let near = v + WHOLE;
+    let rest = v - (near - WHOLE);
+    near.to_bits() + u32::from((rest == 0.5) & (v > 0.0)) - u32::from((rest == -0.5) & (v < 0.0))
+}
+
+#[inline(always)]
+fn nearest_wide(v: f64) -> u64 {
+    let near = v + WIDE_WHOLE;
+    let rest = v - (near - WIDE_WHOLE);
+    near.to_bits() + u64::from((rest == 0.5) & (v > 0.0)) - u64::from((rest == -0.5) & (v < 0.0))
+}
+
 // numbers of 32 bits become floating point through i32, which is one instruction for many of them
 fetch! {
     u8 f32 false |v: f32| nearest(v) as u8,
         u32, |[a, b]: [u8; 2]| u32::from(u16::from_le_bytes([a, b])), |p: u32, i| (p >> (8 * i) & 0xff) as i32;
-    i8 f32 false |v: f32| nearest(v) as i8,
+    i8 f32 false |v: f32| nearest_signed(v) as i8,
         u32, |[a, b]: [i8; 2]| u32::from(u16::from_le_bytes([a as u8, b as u8])), |p: u32, i| (p << (24 - 8 * i)) as i32 >> 24;
     u16 f32 false |v: f32| nearest(v) as u16,
         u32, |[a, b]: [u16; 2]| u32::from(a) | u32::from(b) << 16, |p: u32, i| (p >> (16 * i) & 0xffff) as i32;
-    i16 f32 false |v: f32| nearest(v) as i16,
+    i16 f32 false |v: f32| nearest_signed(v) as i16,
         u32, |[a, b]: [i16; 2]| u32::from(a as u16) | u32::from(b as u16) << 16, |p: u32, i| (p << (16 - 16 * i)) as i32 >> 16;
-    u32 f64 false |v: f64| (v + 0.5) as u32, [u32; 2], |p| p, |p: [u32; 2], i: usize| p[i];
-    i32 f64 false |v: f64| (v + 0.5f64.copysign(v)) as i32, [i32; 2], |p| p, |p: [i32; 2], i: usize| p[i];
+    u32 f64 false |v: f64| nearest_wide(v) as u32, [u32; 2], |p| p, |p: [u32; 2], i: usize| p[i];
+    i32 f64 false |v: f64| nearest_wide(v) as i32, [i32; 2], |p| p, |p: [i32; 2], i: usize| p[i];
     f32 f32 true |v: f32| v, [f32; 2], |p| p, |p: [f32; 2], i: usize| p[i];
     f64 f64 true |v: f64| v, [f64; 2], |p| p, |p: [f64; 2], i: usize| p[i];
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_go_away_from_zero() {
+        for n in 0..=65535u32 {
+            for (part, up) in [(0.0, 0), (0.25, 0), (0.499, 0), (0.5, 1), (0.501, 1), (0.75, 1)] {
+                let v = n as f32 + part;
+                if n + up <= 65535 {
+                    assert_eq!(u32::from(u16::narrow(v)), n + up, "{v}");
+                }
+                if n + up <= 255 {
+                    assert_eq!(u32::from(u8::narrow(v)), n + up, "{v}");
+                }
+                if n + up <= 32767 {
+                    let (n, up) = (n as i32, up as i32);
+                    assert_eq!(i32::from(i16::narrow(v)), n + up, "{v}");
+                    assert_eq!(i32::from(i16::narrow(-v)), -n - up, "{v}");
+                }
+                if n + up <= 127 {
+                    assert_eq!(i32::from(i8::narrow(-v)), -(n as i32 + up as i32), "{v}");
+                }
+                let large = f64::from(n) * 65536.0 + f64::from(part);
+                assert_eq!(u32::narrow(large), n * 65536 + up, "{large}");
+                if n < 32768 {
+                    assert_eq!(i32::narrow(-large), -((n * 65536 + up) as i32), "{large}");
+                }
+            }
+        }
+        // just below a half
+        assert_eq!(
+            (u16::narrow(0.499_999_97), i16::narrow(-0.499_999_97), u32::narrow(0.499_999_999_999_999_94)),
+            (0, 0, 0)
+        );
+        assert_eq!(
+            (i16::narrow(-32768.0), i32::narrow(-2_147_483_648.0), u32::narrow(4_294_967_295.0)),
+            (-32768, i32::MIN, u32::MAX)
+        );
+    }
 }

@@ -11,7 +11,7 @@ use crate::math::parallel;
 /// The voxels that are tested against each tetrahedron.
 pub struct Candidates<'a> {
     tets: &'a [Tet],
-    culling: Culling,
+    pub(super) culling: Culling,
     /// Cells of all bounding boxes; with [`Culling::None`] they have the paper's 8 voxels along an edge.
     pub cells: u64,
     /// Those that were not culled.
@@ -27,7 +27,7 @@ pub const CELL: u32 = 8;
 impl<'a> Candidates<'a> {
     /// # Errors
     /// If the cells have no size, or an absurd one.
-    pub fn new(warp: &'a Warp, culling: Culling) -> Result<Self, WarpError> {
+    pub(super) fn new(warp: &'a Warp, culling: Culling) -> Result<Self, WarpError> {
         let tets = &warp.tets[..];
         let size = match culling {
             Culling::Cells { size } if !(1..=1024).contains(&size) => return Err(WarpError::CellSize(size)),

@@ -22,8 +22,9 @@
 //! off in slabs of layers, in parallel and without locks, as each slab owns its voxels; a bit for each says whether it was
 //! written. Within a slab the tetrahedra come in the order of their numbers, so the result depends neither on the number of
 //! threads nor on timing. Linear look-ups of rows that stay inside the input are vector code, chosen at run time
-//! (`row.rs`); all others go through [`Sampler`], the `f64` reference.
+//! (`batch.rs`); all others go through [`Sampler`], the `f64` reference.
 
+mod batch;
 pub mod cells;
 mod raster;
 mod row;
@@ -208,12 +209,22 @@ impl Warp {
         self.dims
     }
 
-    /// Writes every sample of the output: x fastest, channels interleaved, as many as the input has.
+    /// The voxels to test for each tetrahedron; with [`Culling::Exact`] there are none, and nothing is done.
     ///
     /// # Errors
-    /// If `out` is not of the output's size or cells have an impossible size.
+    /// If cells have an impossible size.
+    pub fn candidates(&self, culling: Culling) -> Result<Candidates<'_>, WarpError> {
+        Candidates::new(self, culling)
+    }
+
+    /// Writes every sample of the output: x fastest, channels interleaved, as many as the input has. `candidates` are this
+    /// warp's.
+    ///
+    /// # Errors
+    /// If `out` is not of the output's size.
     pub fn run<T: Fetch>(
         &self,
+        candidates: &Candidates<'_>,
         input: Sampler<'_, T>,
         options: &WarpOptions,
         out: &mut [T],
@@ -223,7 +234,6 @@ impl Warp {
         if out.len() != nx * ny * nz * channels {
             return Err(WarpError::Output { voxels: nx * ny * nz, channels, samples: out.len() });
         }
-        let candidates = Candidates::new(self, options.culling)?;
         let scratch = parallel::Pool::default();
         let tallies = parallel::chunks_mut(out, self.layers * nx * ny * channels, &|index, samples| {
             let from = if index == 0 { 0 } else { self.ends[index - 1] };
@@ -231,12 +241,12 @@ impl Warp {
             scratch.with(Vec::new, |written| {
                 let first = (index * self.layers) as i32;
                 let height = samples.len() / (nx * ny * channels);
-                Slab { warp: self, tets, input, options, first, layers: height, samples, written }.draw(&candidates)
+                Slab { warp: self, tets, input, options, first, layers: height, samples, written }.draw(candidates)
             })
         });
         let mut tally = Tally::default();
         tallies.iter().for_each(|t| tally.add(t));
-        tally.candidates += candidates.tested(tally.written + tally.repeated);
+        tally.candidates = candidates.tested(tally.written + tally.repeated);
         (tally.cells, tally.cells_kept) = (candidates.cells, candidates.cells_kept);
         Ok(tally)
     }
@@ -260,7 +270,8 @@ impl Warp {
         let no_room = WarpError::OutOfMemory { bytes: count.saturating_mul(size_of::<T>() as u64) };
         let mut out: Vec<T> =
             usize::try_from(count).ok().and_then(|n| bytemuck::try_zeroed_vec(n).ok()).ok_or(no_room)?;
-        let tally = self.run(Sampler::new(samples, input.grid.dims, input.channels), options, &mut out)?;
+        let input_samples = Sampler::new(samples, input.grid.dims, input.channels);
+        let tally = self.run(&self.candidates(options.culling)?, input_samples, options, &mut out)?;
         let samples: Samples = T::wrap(out);
         let mut made = Volume::new(*output, input.channels, samples);
         made.rescale = input.rescale;

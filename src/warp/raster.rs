@@ -3,6 +3,7 @@
 use glam::DVec3;
 use pulp::WithSimd;
 
+use super::batch::Batch;
 use super::cells::Candidates;
 use super::row::{EDGE, Line, Place, Reader};
 use super::setup::Tet;
@@ -34,7 +35,6 @@ impl Tally {
         self.repeated += other.repeated;
         self.covered_twice += other.covered_twice;
         self.beyond += other.beyond;
-        self.candidates += other.candidates;
     }
 }
 
@@ -77,30 +77,33 @@ impl<T: Fetch> WithSimd for Draw<'_, '_, T> {
         written.clear();
         written.resize((nx * ny * layers).div_ceil(64), 0);
         let reader = Reader::new(input, options);
-        let mut canvas = Canvas { nx, ny, first, samples, written, reader, tally: Tally::default() };
+        let batch = Box::new(Batch::new());
+        let mut canvas = Canvas { nx, ny, first, samples, written, reader, batch, tally: Tally::default() };
         let last = first + layers as i32 - 1;
         for &t in tets {
             let tet = &warp.tets[t as usize];
             let place = canvas.reader.place(tet);
             for z in tet.lo[2].max(first)..=tet.hi[2].min(last) {
-                match options.culling {
+                match self.candidates.culling {
                     Culling::Exact => canvas.solve(tet, &place, z),
                     _ => self.candidates.runs(t as usize, z, |y, from, to| canvas.run(tet, None, [from, y, z], to)),
                 }
             }
         }
+        canvas.batch.flush(&canvas.reader, canvas.samples);
         canvas.fill(nx * ny * layers, outside);
         canvas.tally
     }
 }
 
-struct Canvas<'a, T> {
+struct Canvas<'a, T: Fetch> {
     nx: usize,
     ny: usize,
     first: i32,
     samples: &'a mut [T],
     written: &'a mut [u64],
     reader: Reader<'a, T>,
+    batch: Box<Batch<T>>,
     tally: Tally,
 }
 
@@ -189,8 +192,7 @@ impl<T: Fetch> Canvas<'_, T> {
             self.run_in_parts(tet, voxel, start, count);
         } else if let Some((place, from)) = inside {
             self.tally.written += count as u64;
-            let channels = self.reader.channels();
-            self.reader.inside(place, from, &mut self.samples[start * channels..(start + count) * channels]);
+            self.batch.push(&self.reader, place, from, start, count, self.samples);
         } else {
             self.write(tet, voxel, start, count);
         }
@@ -251,7 +253,12 @@ impl<T: Fetch> Canvas<'_, T> {
             step: DVec3::new(tet.rest[0][0], tet.rest[1][0], tet.rest[2][0]),
             weight: tet.jacobian,
         };
-        self.tally.beyond += self.reader.read(&line, out) as u64;
+        let (inside, missed) = self.reader.read(&line, out);
+        self.tally.beyond += missed as u64;
+        if !inside.is_empty() {
+            let (place, from) = self.reader.place_of(&line, inside.start, inside.end);
+            self.batch.push(&self.reader, &place, from, start + inside.start, inside.len(), self.samples);
+        }
     }
 }
 
@@ -303,7 +310,8 @@ mod tests {
         let mut plain = vec![false; 512];
         for _ in 0..300 {
             let start = next(500) as usize;
-            let count = 1 + next((512 - start as u64).min(if next(4) == 0 { 300 } else { 12 })) as usize;
+            let longest = if next(4) == 0 { 300 } else { 12 };
+            let count = 1 + next((512 - start as u64).min(longest)) as usize;
             let free = plain[start..start + count].iter().all(|b| !b);
             assert_eq!(claim(&mut bits, start, count) == 0, free);
             if free {

@@ -1,10 +1,10 @@
-//! Look-ups along a straight line through the input: the values of a row of voxels.
+//! Rows of voxels as straight lines through the input, and look-ups that may lie outside it.
 
 use glam::DVec3;
 
 use super::WarpOptions;
 use super::setup::Tet;
-use crate::volume::fetch::{Blend, Fetch};
+use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
 
 /// Rest positions of a row of voxels, in voxels of the input, and the Jacobian's determinant there.
@@ -25,10 +25,10 @@ pub(super) struct Place {
     /// A whole voxel at or below all points.
     pub base: [f64; 3],
     /// The last sample along each axis, relative to the base.
-    last: [f32; 3],
-    step: [f32; 3],
+    pub last: [f32; 3],
+    pub step: [f32; 3],
     /// Index of the sample there.
-    first: i32,
+    pub first: i32,
 }
 
 impl Place {
@@ -41,31 +41,8 @@ impl Place {
     }
 }
 
-/// [`Reader::inside`] as vector code.
-struct Inside<'a, 'b, T> {
-    reader: &'a Reader<'b, T>,
-    place: Place,
-    from: [f32; 3],
-    out: &'a mut [T],
-}
-
-impl<T: Fetch> pulp::WithSimd for Inside<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.reader.inside(&self.place, self.from, self.out);
-    }
-}
-
 /// What lies no farther outside the first and last samples is drawn as if it lay on them.
 pub(super) const EDGE: f64 = 1e-6;
-
-/// Voxels that are looked up together.
-const LANES: usize = 8;
-
-/// Adding this to a number in +-2^22 rounds it to a whole number, which then stands in the low bits.
-const MAGIC: f32 = 12_582_912.0;
 
 /// The input and how it is read.
 pub(super) struct Reader<'a, T> {
@@ -74,9 +51,9 @@ pub(super) struct Reader<'a, T> {
     density: bool,
     /// Whether the vector code may be used at all.
     fast: bool,
-    stride: [usize; 3],
+    pub stride: [usize; 3],
     /// The samples from each of the four lines of a cell on, all of the same length.
-    lines: [&'a [T]; 4],
+    pub lines: [&'a [T]; 4],
     /// The last samples.
     pub last: DVec3,
 }
@@ -104,14 +81,15 @@ impl<'a, T: Fetch> Reader<'a, T> {
         self.stride[0]
     }
 
-    /// Where a tetrahedron's rest positions are counted from, if rows in it may go by [`Reader::inside`].
+    /// Where a tetrahedron's rest positions are counted from, if rows in it may go by a batch.
     #[inline(always)]
     pub fn place(&self, tet: &Tet) -> Option<Place> {
         self.fast.then(|| Place::new(tet.rest_bounds[0], tet.rest.map(|r| r[0]), self))
     }
 
-    /// Fills a row; returns how many of its voxels lie outside the input.
-    pub fn read(&self, line: &Line, out: &mut [T]) -> usize {
+    /// Looks up the voxels of a row one by one, but for those that surely lie inside: returns which those are, and how many
+    /// of the others lie outside the input.
+    pub fn read(&self, line: &Line, out: &mut [T]) -> (std::ops::Range<usize>, usize) {
         let channels = self.channels();
         let count = out.len() / channels;
         let (first, last) = if self.fast { self.interior(line, count) } else { (0, 0) };
@@ -121,14 +99,15 @@ impl<'a, T: Fetch> Reader<'a, T> {
                 missed += usize::from(!self.single(line.at(i), line.weight, value));
             }
         }
-        if first < last {
-            let (from, to) = (line.at(first), line.at(last - 1));
-            let place = Place::new(from.min(to), line.step.to_array(), self);
-            let from = std::array::from_fn(|a| (from[a] - place.base[a]) as f32);
-            let out = &mut out[first * channels..last * channels];
-            pulp::Arch::new().dispatch(Inside { reader: self, place, from, out });
-        }
-        missed
+        (first..last, missed)
+    }
+
+    /// The part of the input around a row's voxels `first..last`, and where the row starts in it.
+    pub fn place_of(&self, line: &Line, first: usize, last: usize) -> (Place, [f32; 3]) {
+        let (from, to) = (line.at(first), line.at(last - 1));
+        let place = Place::new(from.min(to), line.step.to_array(), self);
+        let from = std::array::from_fn(|a| (from[a] - place.base[a]) as f32);
+        (place, from)
     }
 
     /// The first voxel, and that behind the last, whose cells surely exist.
@@ -148,7 +127,7 @@ impl<'a, T: Fetch> Reader<'a, T> {
         if lo <= hi { (lo.ceil() as usize, hi.floor() as usize + 1) } else { (0, 0) }
     }
 
-    fn single(&self, p: DVec3, weight: f64, value: &mut [T]) -> bool {
+    pub(super) fn single(&self, p: DVec3, weight: f64, value: &mut [T]) -> bool {
         // what rounding moved off a whole voxel goes back, so that samples there are copied
         let whole = p.round();
         let p = if (p - whole).abs().max_element() < 1e-9 { whole } else { p };
@@ -169,184 +148,4 @@ impl<'a, T: Fetch> Reader<'a, T> {
         }
         self.input.sample(self.interpolation, p, value)
     }
-
-    /// A row whose cells all exist: it starts at `from`, relative to the base of its place.
-    #[inline(always)]
-    pub fn inside(&self, place: &Place, from: [f32; 3], out: &mut [T]) {
-        let channels = self.channels();
-        let count = out.len() / channels;
-        // all of one length, so that one comparison does for four look-ups
-        let length = self.lines[3].len();
-        let lines = self.lines.map(|line| &line[..length]);
-        if channels == 1 {
-            let lines = (lines, 1);
-            let mut done = 0;
-            while done + LANES <= count {
-                let v = self.group(place, lines, from, done);
-                out[done..done + LANES].copy_from_slice(&v);
-                done += LANES;
-            }
-            if done < count {
-                // lanes beyond the end are looked up too, but where the last cell may not exist: not beyond the row
-                if done > 0 {
-                    let v = self.group(place, lines, from, count - LANES);
-                    out[count - LANES..].copy_from_slice(&v);
-                } else {
-                    let v = self.short(place, lines, from, count, 0);
-                    store(out, &v);
-                }
-            }
-        } else {
-            for done in (0..count).step_by(LANES) {
-                let part = LANES.min(count - done);
-                for c in 0..channels {
-                    let start = std::array::from_fn(|a| from[a] + done as f32 * place.step[a]);
-                    let v = self.short(place, (lines, channels), start, part, c);
-                    for l in 0..part {
-                        out[(done + l) * channels + c] = v[l];
-                    }
-                }
-            }
-        }
-        // NaN and infinity must not leak from samples whose weight is zero
-        if T::SPECIAL && out.iter().any(|v| !v.to_f64().is_finite()) {
-            self.again(place, from, out);
-        }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn again(&self, place: &Place, from: [f32; 3], out: &mut [T]) {
-        for (i, value) in out.chunks_exact_mut(self.channels()).enumerate() {
-            let p = DVec3::from_array(std::array::from_fn(|a| {
-                place.base[a] + f64::from(from[a]) + i as f64 * f64::from(place.step[a])
-            }));
-            self.single(p, 1.0, value);
-        }
-    }
-
-    /// The voxels from `first` on.
-    #[inline(always)]
-    fn group(&self, place: &Place, lines: ([&[T]; 4], usize), from: [f32; 3], first: usize) -> [T; LANES] {
-        let s: [f32; LANES] = std::array::from_fn(|l| (first as i32 + l as i32) as f32);
-        self.at(place, lines, from, s, 0)
-    }
-
-    /// The first voxels, at most `count`; the other lanes repeat the last of them.
-    #[inline(always)]
-    fn short(
-        &self,
-        place: &Place,
-        lines: ([&[T]; 4], usize),
-        from: [f32; 3],
-        count: usize,
-        channel: usize,
-    ) -> [T; LANES] {
-        let end = (count - 1) as i32;
-        let s: [f32; LANES] = std::array::from_fn(|l| (l as i32).min(end) as f32);
-        self.at(place, lines, from, s, channel)
-    }
-
-    #[inline(always)]
-    fn at(
-        &self,
-        place: &Place,
-        (lines, next): ([&[T]; 4], usize),
-        from: [f32; 3],
-        s: [f32; LANES],
-        channel: usize,
-    ) -> [T; LANES] {
-        let (ix, fx) = split(from[0], place.step[0], &s, place.last[0]);
-        let (iy, fy) = split(from[1], place.step[1], &s, place.last[1]);
-        let (iz, fz) = split(from[2], place.step[2], &s, place.last[2]);
-        let [sx, sy, sz] = self.stride.map(|s| s as i32);
-        let first = place.first + channel as i32;
-        let mut at = [0; LANES];
-        for l in 0..LANES {
-            let (y, z) = (iy[l].wrapping_mul(sy), iz[l].wrapping_mul(sz));
-            at[l] = first.wrapping_add(ix[l].wrapping_mul(sx)).wrapping_add(y).wrapping_add(z);
-        }
-        // through memory: that is one store and eight loads, where the compiler would take the vectors apart before the sums
-        let at = std::hint::black_box(at);
-        Self::blend(lines, next, &at, [fx, fy, fz])
-    }
-
-    /// Trilinear values in the cells that begin at the samples `at`.
-    #[inline(always)]
-    fn blend(lines: [&[T]; 4], next: usize, at: &[i32; LANES], [fx, fy, fz]: [[f32; LANES]; 3]) -> [T; LANES] {
-        let [a, b, c, d] = lines;
-        let mut pairs = [[T::Pair::default(); LANES]; 4];
-        for l in 0..LANES {
-            let at = at[l] as u32 as usize;
-            pairs[0][l] = T::pair(a, at, next);
-            pairs[1][l] = T::pair(b, at, next);
-            pairs[2][l] = T::pair(c, at, next);
-            pairs[3][l] = T::pair(d, at, next);
-        }
-        let [x0, x1, x2, x3] = pairs;
-        let near = blend(&blend_pairs::<T>(&x0, &fx), &blend_pairs::<T>(&x1, &fx), &fy);
-        let far = blend(&blend_pairs::<T>(&x2, &fx), &blend_pairs::<T>(&x3, &fx), &fy);
-        let v = blend(&near, &far, &fz);
-        let mut out = [T::zeroed(); LANES];
-        for l in 0..LANES {
-            out[l] = T::narrow(v[l]);
-        }
-        out
-    }
-}
-
-/// The first samples of `v`, fewer than [`LANES`], in pieces of fixed sizes: copies of any length call a function.
-#[inline(always)]
-fn store<T: Copy>(mut out: &mut [T], v: &[T; LANES]) {
-    let mut at = 0;
-    for size in [4, 2, 1] {
-        if out.len() & size != 0 {
-            let (now, later) = out.split_at_mut(size);
-            match size {
-                4 => now.copy_from_slice(&v[..4]),
-                2 => now.copy_from_slice(&v[at..at + 2]),
-                _ => now[0] = v[at],
-            }
-            at += size;
-            out = later;
-        }
-    }
-}
-
-/// The cells of the coordinates `from + s * step`, and where in them they are, 0..=1. What is not in 0..=last counts as the
-/// nearest that is.
-#[inline(always)]
-fn split(from: f32, step: f32, s: &[f32; LANES], last: f32) -> ([i32; LANES], [f32; LANES]) {
-    let (mut whole, mut fraction) = ([0; LANES], [0.0; LANES]);
-    let end = last - 1.0 + MAGIC;
-    for l in 0..LANES {
-        let v = from + s[l] * step;
-        let v = if v > 0.0 { v } else { 0.0 };
-        let v = if v < last { v } else { last };
-        // rounds down; a whole number may come out as one less, where the fraction is 1
-        let cell = (v - 0.5) + MAGIC;
-        let cell = if cell < end { cell } else { end };
-        whole[l] = cell.to_bits() as i32 - MAGIC.to_bits() as i32;
-        fraction[l] = v - (cell - MAGIC);
-    }
-    (whole, fraction)
-}
-
-/// Blends of neighbours.
-#[inline(always)]
-fn blend_pairs<T: Fetch>(pairs: &[T::Pair; LANES], t: &[f32; LANES]) -> [T::Wide; LANES] {
-    let mut out = [T::Wide::default(); LANES];
-    for l in 0..LANES {
-        out[l] = T::Wide::blend(T::of_pair(pairs[l], 0), T::of_pair(pairs[l], 1), t[l]);
-    }
-    out
-}
-
-#[inline(always)]
-fn blend<W: Blend>(a: &[W; LANES], b: &[W; LANES], t: &[f32; LANES]) -> [W; LANES] {
-    let mut out = [W::default(); LANES];
-    for l in 0..LANES {
-        out[l] = W::blend(a[l], b[l], t[l]);
-    }
-    out
 }

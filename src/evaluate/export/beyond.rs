@@ -12,15 +12,6 @@ use super::run::Job;
 use crate::volume::Grid;
 use crate::volume::fetch::Fetch;
 
-/// Material found in a search.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Found {
-    /// Voxels; an estimate if not every one was looked at.
-    pub voxels: u64,
-    /// Around them, widened by what was not looked at.
-    pub span: Option<Span>,
-}
-
 /// At least this many points are looked at, if there are as many.
 const LEAST_BUDGET: f64 = 1e6;
 
@@ -29,6 +20,9 @@ const SHARE: f64 = 0.125;
 
 /// Layers about the output that count separately: most clipped material lies close to the grid.
 const SKIN: i64 = 3;
+
+/// So many times the budget of voxels may be screened for those that need a look.
+const SCREENED: f64 = 64.0;
 
 /// The greatest step from one looked-at voxel to the next.
 const LARGEST_STEP: i64 = 1 << 40;
@@ -56,46 +50,93 @@ fn around(mut region: Span, hole: &Span) -> Vec<Span> {
     parts
 }
 
-/// The step at which a region is searched: 1 if the budget allows.
+/// The step at which parts are searched so that at most `budget` points are looked at.
 fn step(parts: &[Span], budget: f64) -> i64 {
     let points = |s: i64| -> f64 {
         parts.iter().map(|p| p.edges().iter().map(|e| (e / s as f64).ceil()).product::<f64>()).sum()
     };
     let mut s = 1;
-    while s < LARGEST_STEP && points(s) > budget.max(LEAST_BUDGET) {
+    while s < LARGEST_STEP && points(s) > budget {
         s = (s * 3 + 1) / 2;
     }
     s
 }
 
-/// Searches what is in `region` but not in `hole`, both on the lattice of `grid`; returns also the step.
-fn search<T: Fetch>(job: &Job<'_, T>, grid: &Grid, region: Span, hole: &Span) -> (Found, i64) {
-    let parts = around(region, hole);
-    let s = step(&parts, SHARE * grid.len() as f64);
-    let mut all = Found::default();
-    for part in parts {
-        // each looked-at voxel stands in the middle of those it speaks for
-        let edges: [i64; 3] = std::array::from_fn(|a| s.min(part.hi[a] - part.lo[a] + 1));
-        let dims: [usize; 3] = std::array::from_fn(|a| ((part.hi[a] - part.lo[a]) / edges[a] + 1) as usize);
-        let corner = vector(part.lo) + vector(edges.map(|e| e / 2));
-        let lattice = DAffine3::from_mat3_translation(
-            grid.world_from_voxel.matrix3 * DMat3::from_diagonal(vector(edges)),
-            grid.world_from_voxel.transform_point3(corner),
-        );
-        let coarse = Grid { dims, world_from_voxel: lattice, ..*grid };
-        let (count, span) = job.on(&coarse).material(dims);
-        // the last voxel of an axis may speak for fewer
-        let share = part.edges().iter().zip(dims).map(|(e, n)| e / n as f64).product::<f64>();
-        all.voxels = all.voxels.saturating_add((count as f64 * share).round() as u64);
-        if let Some(found) = span {
-            let widened = Span {
-                lo: std::array::from_fn(|a| part.lo[a] + found.lo[a] * edges[a] - (s - 1)),
-                hi: std::array::from_fn(|a| part.lo[a] + (found.hi[a] + 1) * edges[a] - 1 + (s - 1)),
-            };
-            all.span = Some(all.span.map_or(widened, |span| span.hull(widened)));
+/// What is in a region but not in a hole, on the lattice of a grid, as boxes with a step.
+struct Search<'a> {
+    grid: &'a Grid,
+    parts: Vec<Span>,
+    step: i64,
+}
+
+/// One box of a search on its coarser lattice.
+struct Coarse {
+    part: Span,
+    grid: Grid,
+    /// Voxels along each axis for which a voxel of the coarse lattice speaks.
+    edges: [i64; 3],
+}
+
+impl<'a> Search<'a> {
+    fn new<T: Fetch>(job: &Job<'_, T>, grid: &'a Grid, region: Span, hole: &Span) -> Self {
+        let parts = around(region, hole);
+        let budget = (SHARE * grid.len() as f64).max(LEAST_BUDGET);
+        let mut search = Self { grid, step: step(&parts, budget), parts };
+        // most of what is far from the input needs no look
+        if search.step > 1 && step(&search.parts, SCREENED * budget) == 1 {
+            let fine = Self { grid, step: 1, parts: search.parts };
+            let candidates: u64 = fine.boxes().map(|b| job.on(&b.grid).candidates(b.grid.dims)).sum();
+            search = Self { step: if candidates as f64 <= budget { 1 } else { search.step }, ..fine };
         }
+        search
     }
-    (all, s)
+
+    fn boxes(&self) -> impl Iterator<Item = Coarse> {
+        let s = self.step;
+        self.parts.iter().map(move |part| {
+            // each looked-at voxel stands in the middle of those it speaks for
+            let edges: [i64; 3] = std::array::from_fn(|a| s.min(part.hi[a] - part.lo[a] + 1));
+            let dims: [usize; 3] = std::array::from_fn(|a| ((part.hi[a] - part.lo[a]) / edges[a] + 1) as usize);
+            let corner = vector(part.lo) + vector(edges.map(|e| e / 2));
+            let lattice = DAffine3::from_mat3_translation(
+                self.grid.world_from_voxel.matrix3 * DMat3::from_diagonal(vector(edges)),
+                self.grid.world_from_voxel.transform_point3(corner),
+            );
+            Coarse { part: *part, grid: Grid { dims, world_from_voxel: lattice, ..*self.grid }, edges }
+        })
+    }
+
+    /// Voxels with material; an estimate if the step is not 1.
+    fn voxels<T: Fetch>(&self, job: &Job<'_, T>) -> u64 {
+        self.boxes().fold(0, |all, b| {
+            let count = job.on(&b.grid).material(b.grid.dims);
+            // the last voxel of an axis may speak for fewer
+            let share = b.part.edges().iter().zip(b.grid.dims).map(|(e, n)| e / n as f64).product::<f64>();
+            all.saturating_add((count as f64 * share).round() as u64)
+        })
+    }
+
+    /// The box around what was found, widened by what was not looked at.
+    fn hull<T: Fetch>(&self, job: &Job<'_, T>) -> Option<Span> {
+        self.boxes().fold(None, |all: Option<Span>, b| {
+            let shifted = |s: Span, sign: i64| Span {
+                lo: std::array::from_fn(|a| s.lo[a] + sign * b.part.lo[a]),
+                hi: std::array::from_fn(|a| s.hi[a] + sign * b.part.lo[a]),
+            };
+            if self.step == 1 {
+                let known = all.map(|s| shifted(s, -1));
+                return job.on(&b.grid).hull(b.grid.dims, known).map(|s| shifted(s, 1));
+            }
+            let Some(found) = job.on(&b.grid).hull(b.grid.dims, None) else { return all };
+            let rim = self.step - 1;
+            let wide = Span {
+                lo: std::array::from_fn(|a| found.lo[a] * b.edges[a] - rim),
+                hi: std::array::from_fn(|a| (found.hi[a] + 1) * b.edges[a] - 1 + rim),
+            };
+            let wide = shifted(wide, 1);
+            Some(all.map_or(wide, |all| all.hull(wide)))
+        })
+    }
 }
 
 /// The voxels on the lattice of `grid` to which it must grow, within `candidate`, to hold all material.
@@ -106,10 +147,11 @@ pub(super) fn grow<T: Fetch>(job: &Job<'_, T>, grid: &Grid, candidate: Span, lim
     let own = Span::of(grid);
     let mut region = candidate;
     loop {
-        let (found, step) = search(job, grid, region, &own);
+        let search = Search::new(job, grid, region, &own);
+        let step = search.step;
         // material hangs together: what was not looked at is not far from the grid or from what was found
         let near = if step == 1 { own } else { own.widened(step).within(&region) };
-        let smaller = found.span.map_or(near, |span| near.hull(span.within(&region)));
+        let smaller = search.hull(job).map_or(near, |span| near.hull(span.within(&region)));
         if step == 1 || smaller == region {
             return match smaller.voxels() {
                 Some(n) if n <= limit => Ok(smaller),
@@ -124,7 +166,7 @@ pub(super) fn grow<T: Fetch>(job: &Job<'_, T>, grid: &Grid, candidate: Span, lim
 pub(super) fn clipped<T: Fetch>(job: &Job<'_, T>, grid: &Grid, reached: Span) -> u64 {
     let own = Span::of(grid);
     let skin = own.widened(SKIN).within(&reached);
-    let count = |region: Span, hole: &Span| search(job, grid, region, hole).0.voxels;
+    let count = |region: Span, hole: &Span| Search::new(job, grid, region, hole).voxels(job);
     // a grid apart from all material has no skin
     if skin.voxels().is_none() { count(reached, &own) } else { count(skin, &own) + count(reached, &own.widened(SKIN)) }
 }
@@ -161,11 +203,11 @@ mod tests {
     #[test]
     fn the_step_keeps_the_budget() {
         let part = |n: i64| Span { lo: [0; 3], hi: [n - 1; 3] };
-        assert_eq!(step(&[part(90), part(50)], 0.0), 1);
+        assert_eq!(step(&[part(90), part(50)], LEAST_BUDGET), 1);
         assert_eq!(step(&[part(200)], 8e6), 1);
-        let s = step(&[part(10_000)], 0.0);
+        let s = step(&[part(10_000)], LEAST_BUDGET);
         assert!((100..=160).contains(&s), "{s}");
-        assert!(step(&[part(1 << 41)], 0.0) < LARGEST_STEP);
+        assert!(step(&[part(1 << 41)], LEAST_BUDGET) < LARGEST_STEP);
         assert_eq!(vector([1, -2, 3]), DVec3::new(1.0, -2.0, 3.0));
     }
 }

@@ -36,10 +36,10 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use crate::math::parallel;
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 
-use crate::deform::Prepared;
-use crate::math::{BackwardMap, BlockMap, Identity};
+use crate::deform::{Framed, Prepared};
+use crate::math::{BackwardMap, Identity};
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
 use crate::volume::statistics::{Statistics, statistics, stored_statistics};
@@ -88,12 +88,11 @@ impl Default for ExportOptions {
 
 /// A deformation that can be exported.
 ///
-/// The export needs nothing beyond [`BackwardMap`]; maps that can work off many points at once say so here.
+/// The export needs nothing beyond [`BackwardMap`]; maps that can be written in voxel coordinates say so here.
 pub trait ExportMap: BackwardMap {
-    /// An evaluator for the points of the parallelepiped about `center` (world) with these half edges (columns), if there is
-    /// a fast one.
-    fn blocks_near(&self, center: DVec3, half_edges: DMat3) -> Option<Box<dyn BlockMap<f32> + '_>> {
-        let _ = (center, half_edges);
+    /// The map of coordinates of which the world is an affine image, for many points at once.
+    fn in_frame(&self, world_from_local: &DAffine3) -> Option<Framed> {
+        let _ = world_from_local;
         None
     }
 }
@@ -101,8 +100,8 @@ pub trait ExportMap: BackwardMap {
 impl ExportMap for Identity {}
 
 impl ExportMap for Prepared {
-    fn blocks_near(&self, center: DVec3, half_edges: DMat3) -> Option<Box<dyn BlockMap<f32> + '_>> {
-        Some(Box::new(Self::blocks_near::<f32>(self, center, half_edges)))
+    fn in_frame(&self, world_from_local: &DAffine3) -> Option<Framed> {
+        Some(Self::in_frame(self, world_from_local))
     }
 }
 
@@ -193,11 +192,13 @@ fn typed<T: Fetch>(
     if base.len() as u64 > options.limit {
         return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit });
     }
+    let framed = map.in_frame(&input.world_from_voxel);
     let mut job = Job {
         input,
         boxes: &boxes,
         sampler: Sampler::new(samples, input.dims, volume.channels),
         map,
+        framed: framed.as_ref(),
         frame: Frame::new(input, &base),
         supports: Supports::new(&base, &boxes),
         interpolation: options.interpolation,

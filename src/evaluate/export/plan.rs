@@ -36,11 +36,13 @@ fn grown<T: Fetch>(
 ) -> Result<Grid, ExportError> {
     let input = &volume.grid;
     let boxes = map.supports();
+    let framed = map.in_frame(&input.world_from_voxel);
     let job = Job {
         input,
         boxes: &boxes,
         sampler: Sampler::new(samples, input.dims, volume.channels),
         map,
+        framed: framed.as_ref(),
         frame: Frame::new(input, &base),
         supports: Supports::new(&base, &boxes),
         interpolation: options.interpolation,

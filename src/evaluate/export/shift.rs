@@ -1,32 +1,27 @@
-//! Displacements of a block of voxels, in voxels of the input.
+//! Displacements of a block of voxels, in voxels of the input, for maps that know nothing of grids.
 //!
-//! Three ways, by what the map offers and what accuracy is asked for:
+//! Two ways, by what the map allows:
 //!
 //! * *exact*: the map at every voxel, in `f64`;
 //! * *interpolated*: the map, in `f64`, at 4 x 4 x 4 nodes of a cell of 8 x 8 x 8 voxels, tricubic (Lagrange) between them, if the
 //!   result agrees with the map at 15 further points; otherwise the cell is exact. The points lie where the error of cubic
 //!   interpolation is greatest for a smooth map (near 0.38 and 2.62 of the 3 node distances, and in the middle), one in each of
-//!   the three intervals along every axis, so that a kink of the second derivative (a knot of a spline) shows too;
-//! * *in blocks*: maps that can work off many points at once in `f32`.
+//!   the three intervals along every axis, so that a kink of the second derivative (a knot of a spline) shows too.
 
 use glam::{DAffine3, DVec3};
 
-use super::ExportMap;
 use super::grid::{Frame, Span, snap};
 use super::kernel::ROW;
-use crate::math::{self, BackwardMap, BlockMap, OrientedBox};
+use crate::math::{BackwardMap, OrientedBox};
 use crate::volume::Grid;
 
 /// Rows of a block along j and k.
 pub(super) const EDGE: usize = 8;
 
-/// Rows that fill a block of points.
-const ROWS_IN_POINTS: usize = math::BLOCK / ROW;
-
 /// Greatest error, in voxels, that interpolation of the map may have. It must show a quarter of that at the checks.
 pub(super) const TOLERANCE: f64 = 1e-3;
 
-/// A block of output voxels: at most [`ROW`] x [`EDGE`] x [`EDGE`].
+/// A block of output voxels: at most [`ROW`] x [`EDGE`] x [`EDGE`], or a longer one where nothing moves.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block {
     pub lo: [i64; 3],
@@ -43,7 +38,7 @@ impl Block {
     }
 
     /// The block's middle and its half edge lengths between the outermost voxel centres.
-    fn middle(&self) -> (DVec3, DVec3) {
+    pub fn middle(&self) -> (DVec3, DVec3) {
         let half = 0.5 * DVec3::new(self.size[0] as f64 - 1.0, self.size[1] as f64 - 1.0, self.size[2] as f64 - 1.0);
         (self.first() + half, half)
     }
@@ -108,7 +103,6 @@ impl Supports {
 /// Displacements of a block: `[row][axis][voxel]`, row `k * EDGE + j`.
 pub(super) struct Shifts {
     pub rows: Vec<[[f32; ROW]; 3]>,
-    points: math::Block<f32>,
     /// `node[axis][z][y][x]` of one cell, and its Lagrange weights at whole voxels.
     node: [[[[f64; 4]; 4]; 4]; 3],
     weights: [[f64; 4]; EDGE],
@@ -151,69 +145,8 @@ impl Shifts {
     pub fn new() -> Self {
         Self {
             rows: vec![[[0.0; ROW]; 3]; EDGE * EDGE],
-            points: math::Block::default(),
             node: [[[[0.0; 4]; 4]; 4]; 3],
             weights: std::array::from_fn(|i| lagrange(i as f64 / NODE_STEP)),
-        }
-    }
-
-    /// By the way that suits the map.
-    pub fn fill(&mut self, frame: &Frame, map: &dyn ExportMap, supports: &Supports, block: &Block) {
-        // all lanes of a row are evaluated, also those beyond the block
-        let full = Block { size: [ROW, block.size[1], block.size[2]], ..*block };
-        let (middle, half) = full.middle();
-        let center = frame.world_from_out.transform_point3(middle);
-        match map.blocks_near(center, frame.world_from_out.matrix3 * glam::DMat3::from_diagonal(half)) {
-            Some(blocks) => self.in_blocks(frame, blocks.as_ref(), block),
-            None => self.interpolated(frame, map, supports, block),
-        }
-    }
-
-    /// The map at every voxel in `f32`, as many rows at a time as fill a block of points.
-    fn in_blocks(&mut self, frame: &Frame, map: &dyn BlockMap<f32>, block: &Block) {
-        let world = frame.world_from_out;
-        let first = world.transform_point3(block.first()) - map.center();
-        let step = world.matrix3.x_axis;
-        let in_from_world = frame.in_from_world.as_mat3();
-        let rows = block.size[1] * block.size[2];
-        let Self { rows: shifts, points, .. } = self;
-        for pack in (0..rows).step_by(ROWS_IN_POINTS) {
-            // beyond the last row, the last row again
-            let row = |r: usize| {
-                let r = (pack + r).min(rows - 1);
-                (r % block.size[1], r / block.size[1])
-            };
-            let start: [DVec3; ROWS_IN_POINTS] = std::array::from_fn(|r| {
-                let (j, k) = row(r);
-                first + world.matrix3.y_axis * j as f64 + world.matrix3.z_axis * k as f64
-            });
-            let place = |axis: &mut [f32; math::BLOCK], a: usize| {
-                for (line, s) in axis.chunks_exact_mut(ROW).zip(&start) {
-                    let (from, by) = (s[a] as f32, step[a] as f32);
-                    for (l, x) in line.iter_mut().enumerate() {
-                        *x = from + by * l as f32;
-                    }
-                }
-            };
-            place(&mut points.x, 0);
-            place(&mut points.y, 1);
-            place(&mut points.z, 2);
-            map.backward_block(points);
-            for (r, s) in start.iter().enumerate() {
-                let (j, k) = row(r);
-                let shift = &mut shifts[k * EDGE + j];
-                let at = r * ROW..(r + 1) * ROW;
-                let moved = [&points.x[at.clone()], &points.y[at.clone()], &points.z[at]];
-                for l in 0..ROW {
-                    // the same expression as above, so that a point left alone has a displacement of exactly zero
-                    let d = |a: usize| moved[a][l] - (s[a] as f32 + step[a] as f32 * l as f32);
-                    let d = [d(0), d(1), d(2)];
-                    for (a, shift) in shift.iter_mut().enumerate() {
-                        let m = &in_from_world;
-                        shift[l] = m.x_axis[a] * d[0] + m.y_axis[a] * d[1] + m.z_axis[a] * d[2];
-                    }
-                }
-            }
         }
     }
 
@@ -237,7 +170,7 @@ impl Shifts {
     }
 
     /// The map interpolated where that is accurate, exact elsewhere.
-    fn interpolated(&mut self, frame: &Frame, map: &dyn BackwardMap, supports: &Supports, block: &Block) {
+    pub fn fill(&mut self, frame: &Frame, map: &dyn BackwardMap, supports: &Supports, block: &Block) {
         if !supports.coarse_enough(block) {
             return self.exact(frame, map, block);
         }
