@@ -56,7 +56,7 @@ const PROJECT: &str = r#"{ "voxclay": 1, "document": {
 #[test]
 fn every_verb_has_help_with_an_example() {
     let dir = TempDir::new().unwrap();
-    for verb in ["info", "convert", "slice", "render", "export", "demo"] {
+    for verb in ["info", "convert", "slice", "render", "export", "compare", "demo"] {
         let out = voxclay(&dir, &[verb, "--help"]);
         assert_eq!(out.status.code(), Some(0));
         let text = String::from_utf8_lossy(&out.stdout).into_owned();
@@ -192,7 +192,7 @@ fn render_draws_each_shading() {
     let dir = TempDir::new().unwrap();
     std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
     for shading in ["volume", "iso", "mip"] {
-        for mode in ["slicing", "slicing-exact"] {
+        for mode in ["slicing", "slicing-exact", "tets"] {
             let r = json(
                 &dir,
                 &[
@@ -211,6 +211,7 @@ fn render_draws_each_shading() {
                 ],
             );
             has_keys(&r, &["slices", "triangles", "ms"]);
+            assert_eq!(r["lattice"]["tets"].is_u64(), mode == "tets");
             assert!(r["slices"].as_u64().unwrap() > 20);
             let png = std::fs::read(dir.path().join("a.png")).unwrap();
             assert_eq!(&png[1..4], b"PNG");
@@ -225,11 +226,16 @@ fn render_draws_each_shading() {
 fn export_writes_the_deformed_volume() {
     let dir = TempDir::new().unwrap();
     std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
-    for mode in ["slicing", "reference"] {
+    for mode in ["slicing", "tets", "reference"] {
         let e = json(&dir, &["export", "p.voxclay", "-o", "o.nrrd", "--mode", mode, "--field", "f.nrrd"]);
         has_keys(&e, &["dims", "mode", "ms"]);
         assert_eq!(e["mode"], mode);
-        assert!(e["moved"].as_u64().unwrap() > 0);
+        if mode == "tets" {
+            has_keys(&e["lattice"], &["tets", "max_error", "mean_error"]);
+            assert_eq!(e["lattice"]["converged"], true);
+        } else {
+            assert!(e["moved"].as_u64().unwrap() > 0);
+        }
         let volume = json(&dir, &["info", "o.nrrd"]);
         assert_eq!(volume["dims"], e["dims"]);
         assert_eq!(json(&dir, &["info", "f.nrrd"])["channels"], 3);
@@ -240,6 +246,85 @@ fn export_writes_the_deformed_volume() {
     json(&dir, &["convert", "rest.nrrd", "rest.raw"]);
     let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
     assert_eq!(read("same.raw"), read("rest.raw"));
+}
+
+/// A certificate is written beside the volume, whatever made it, and names what is wrong.
+#[test]
+fn exports_are_certified() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
+    let certified = |args: &[&str]| -> (Value, Value) {
+        let all = [&["export", "p.voxclay", "-o", "o.nrrd", "--certificate", "c.json"], args].concat();
+        let said = json(&dir, &all);
+        let text = std::fs::read_to_string(dir.path().join("c.json")).unwrap();
+        (said, serde_json::from_str(&text).unwrap())
+    };
+    for mode in ["slicing", "tets", "reference"] {
+        let (said, c) = certified(&["--mode", mode]);
+        has_keys(
+            &c,
+            &["sound", "faults", "coverage", "jacobian", "inverse", "values_clipped", "material_clipped", "mass"],
+        );
+        assert_eq!((&c["mode"], &c["dims"], &c["sound"]), (&said["mode"], &said["dims"], &Value::Bool(true)), "{c}");
+        assert_eq!(c["coverage"]["tets"].is_object(), mode == "tets");
+        assert!(c["jacobian"]["min"].as_f64().unwrap() > 0.0 && c["material_clipped"] == 0);
+    }
+    // pulled over the border, and kept in
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT.replace("[6, 0, 3]", "[26, 0, 0]")).unwrap();
+    for mode in ["slicing", "tets"] {
+        let (said, c) = certified(&["--mode", mode, "--same-grid"]);
+        assert_eq!((&said["sound"], &c["sound"]), (&Value::Bool(false), &Value::Bool(false)), "{mode}: {c}");
+        assert!(c["faults"][0].as_str().unwrap().contains("beyond the grid"), "{c}");
+    }
+    // a tolerance that is kept
+    let (_, c) = certified(&["--mode", "tets", "--tolerance", "0.02"]);
+    assert!(c["lattice"]["max_error"].as_f64().unwrap() <= 0.02);
+    assert!(left_over(&dir).is_empty());
+}
+
+#[test]
+fn compare_has_the_keys_of_the_contract_and_writes_a_report() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
+    let modes = "slicing:1,slicing:2,slicing:0.25,slicing-exact,export,tets:0,tets:0.2";
+    let args = ["compare", "p.voxclay", "--backend", "cpu", "--size", "96x64", "--modes", modes, "-o", "out"];
+    let c = json(&dir, &args);
+    let pairs = c["pairs"].as_array().unwrap();
+    assert_eq!(pairs.len(), 8);
+    for pair in pairs {
+        has_keys(pair, &["mode", "setting", "rmse", "ssim", "max", "ms"]);
+        has_keys(&pair["ms"], &["frame", "change"]);
+        assert!(pair.get("psnr").is_some());
+    }
+    assert_eq!(
+        (&pairs[3]["mode"], &pairs[3]["max"], &pairs[3]["psnr"]),
+        (&"slicing-exact".into(), &0.0.into(), &Value::Null)
+    );
+    assert!(pairs[1]["coordinate"]["falls"]["mean"].as_f64().unwrap() > 2.0);
+    has_keys(&pairs[7], &["tets", "volume", "drawn", "coordinate"]);
+    has_keys(&pairs[7]["volume"]["interior"], &["rms", "max", "above", "voxels"]);
+    for file in c["files"].as_array().unwrap() {
+        assert!(exists(&dir, file.as_str().unwrap()), "{file}");
+    }
+    let page = std::fs::read_to_string(dir.path().join("out/report.html")).unwrap();
+    assert!(page.contains("p.voxclay") && page.contains("data:image/png;base64,"));
+    let numbers = std::fs::read_to_string(dir.path().join("out/report.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&numbers).unwrap(), c);
+    let out = voxclay(&dir, &["compare", "p.voxclay", "--backend", "cpu", "--size", "32x32", "--modes", "tets:1"]);
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success() && text.contains("tets           level 1"), "{text}");
+    for (word, says) in [
+        ("slicing,frob", "'frob' is no mode"),
+        ("", "expected slicing"),
+        ("slicing:9", "from 0 to 8"),
+        ("tets:7", "from 0 to 6"),
+        ("tets:-0.5", "tolerance in voxels"),
+        ("export:1", "is no mode"),
+    ] {
+        fails(&dir, &["compare", "p.voxclay", "--modes", word, "-o", "no"], &["--modes", says]);
+    }
+    fails(&dir, &["compare", "nowhere.voxclay", "-o", "no"], &["nowhere.voxclay"]);
+    assert!(!exists(&dir, "no"));
 }
 
 #[test]
@@ -286,6 +371,9 @@ fn bad_input_gets_one_sentence_and_leaves_nothing() {
         (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--spacing", "0"], &["--spacing"]),
         (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--spacing", "1e-9"], &["voxels"]),
         (&["export", "phantom:sphere:24", "-o", "o.png"], &["o.png", "expected"]),
+        (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--tolerance", "0.1"], &["--tolerance", "--mode tets"]),
+        (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--mode", "tets", "--tolerance", "0"], &["--tolerance"]),
+        (&["render", "phantom:sphere:24", "-o", "o.png", "--mode", "tets", "--tolerance", "-1"], &["--tolerance"]),
     ] {
         fails(&dir, args, words);
     }

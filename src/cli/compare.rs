@@ -56,7 +56,7 @@ pub fn run(args: &Args) -> Result<Answer> {
     }
     let look = document.look.look(object.iso);
     let camera = object.camera(&document.camera);
-    let compared = compare(&object, &camera, &look, &view, &ways, &|next| eprintln!("voxclay: {next}"))?;
+    let compared = compare(&object, &camera, &look, &view, &ways, &|next| eprintln!("comparing {next}"))?;
     let facts = facts(&compared, &view, object.stack.active().count());
     let mut json = json!({
         "project": args.project,

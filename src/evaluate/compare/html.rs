@@ -86,11 +86,10 @@ fn findings(comparison: &Comparison) -> Vec<String> {
     let adaptive = |p: &&Pair| matches!(p.way, Way::Tets(Refinement::Tolerance(_)));
     if let Some((pair, v)) = comparison.pairs.iter().find(adaptive).and_then(|p| Some((p, p.volume?))) {
         found.push(format!(
-            "<b>tets, {}</b> against the reference volume, inside: root mean square {} of the range ({} is one step of an \
-             8-bit grey), largest {}; {} of the voxels differ by more than one step.",
+            "<b>tets, {}</b> against the reference volume, inside: root mean square {} of the range, largest {}; {} of the \
+             voxels differ by more than 1/255.",
             pair.way.setting(),
             steps(v.interior.rms),
-            steps(STEP),
             steps(v.interior.max),
             percent(v.interior.above),
         ));
