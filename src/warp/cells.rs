@@ -86,7 +86,7 @@ impl<'a> Candidates<'a> {
                 let mut inside = (lo[0]..=hi[0]).filter(|x| t.contains([*x, y, z]));
                 if let Some(first) = inside.next() {
                     // a row meets a convex body in one piece
-                    run(y, first, inside.last().unwrap_or(first));
+                    run(y, first, inside.next_back().unwrap_or(first));
                 }
             }
         };
