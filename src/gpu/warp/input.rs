@@ -38,7 +38,7 @@ impl Coding {
     pub fn unit(&self, channels: usize) -> [u32; 2] {
         let bits = self.bits * channels as u32;
         // 8, 16 or 32 bits, times 1 to 4
-        let voxels = [1, 2, 4].into_iter().find(|n| bits * n % 32 == 0).unwrap_or(4);
+        let voxels = [1, 2, 4].into_iter().find(|n| (bits * n).is_multiple_of(32)).unwrap_or(4);
         [voxels, voxels * bits / 32]
     }
 
