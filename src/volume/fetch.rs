@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn halves_go_away_from_zero() {
         for n in 0..=65535u32 {
-            for (part, up) in [(0.0, 0), (0.25, 0), (0.499, 0), (0.5, 1), (0.501, 1), (0.75, 1)] {
+            for (part, up) in [(0.0, 0), (0.25, 0), (0.4375, 0), (0.5, 1), (0.5625, 1), (0.75, 1)] {
                 let v = n as f32 + part;
                 if n + up <= 65535 {
                     assert_eq!(u32::from(u16::narrow(v)), n + up, "{v}");
@@ -118,7 +118,13 @@ mod tests {
             }
         }
         // just below a half
-        assert_eq!((u16::narrow(0.499_999_97), i16::narrow(-0.499_999_97), u32::narrow(0.499_999_999_999_999_94)), (0, 0, 0));
-        assert_eq!((i16::narrow(-32768.0), i32::narrow(-2_147_483_648.0), u32::narrow(4_294_967_295.0)), (-32768, i32::MIN, u32::MAX));
+        assert_eq!(
+            (u16::narrow(0.499_999_97), i16::narrow(-0.499_999_97), u32::narrow(0.499_999_999_999_999_94)),
+            (0, 0, 0)
+        );
+        assert_eq!(
+            (i16::narrow(-32768.0), i32::narrow(-2_147_483_648.0), u32::narrow(4_294_967_295.0)),
+            (-32768, i32::MIN, u32::MAX)
+        );
     }
 }

@@ -130,10 +130,16 @@ impl<T: Fetch> Job<'_, T> {
                         return tally;
                     }
                     let bottom = index * EDGE;
-                    self.blocks(&slab(output.dims, index), work, Some(&mut tally), |_| false, |i, j, k, row| {
-                        let at = (((k as usize - bottom) * ny + j as usize) * nx + i as usize) * channels;
-                        copy(row, &mut chunk[at..at + row.len()]);
-                    });
+                    self.blocks(
+                        &slab(output.dims, index),
+                        work,
+                        Some(&mut tally),
+                        |_| false,
+                        |i, j, k, row| {
+                            let at = (((k as usize - bottom) * ny + j as usize) * nx + i as usize) * channels;
+                            copy(row, &mut chunk[at..at + row.len()]);
+                        },
+                    );
                     watch.step();
                     tally
                 },
@@ -156,13 +162,17 @@ impl<T: Fetch> Job<'_, T> {
     pub fn material(&self, dims: [usize; 3]) -> u64 {
         let channels = self.sampler.channels();
         let differs = |v: &[T]| u64::from(v.iter().zip(&self.outside).any(|(a, b)| a != b));
-        let found = self.visit(dims, |block| self.is_barren(block), |found: &mut u64, _, row| {
-            *found += match self.outside[..] {
-                // without an early end, for vector units
-                [outside] => row.iter().map(|v| u64::from(*v != outside)).sum::<u64>(),
-                _ => row.chunks_exact(channels).map(differs).sum::<u64>(),
-            };
-        });
+        let found = self.visit(
+            dims,
+            |block| self.is_barren(block),
+            |found: &mut u64, _, row| {
+                *found += match self.outside[..] {
+                    // without an early end, for vector units
+                    [outside] => row.iter().map(|v| u64::from(*v != outside)).sum::<u64>(),
+                    _ => row.chunks_exact(channels).map(differs).sum::<u64>(),
+                };
+            },
+        );
         found.into_iter().sum()
     }
 
@@ -386,13 +396,19 @@ impl<T: Fetch> Job<'_, T> {
         sink: &mut impl FnMut(i64, i64, i64, &[T]),
     ) {
         let channels = self.sampler.channels();
-        let by_blocks = self.interpolation == Interpolation::Linear && self.sampler.dims().iter().all(|n| *n < LARGEST_EDGE);
+        let by_blocks =
+            self.interpolation == Interpolation::Linear && self.sampler.dims().iter().all(|n| *n < LARGEST_EDGE);
         let steps = self.frame.steps();
         let base = window.base();
         let origin = self.frame.undisplaced(block.first()) - base;
         let step = steps.x_axis.as_vec3().to_array();
         let counted = Counted { rows: block.size[1], points: block.size[0] };
         let blocks = counted.rows.div_ceil(ROWS);
+        if let Way::Near(near) = way {
+            let (lo, hi) = self.undisplaced_bounds(block);
+            let (lo, hi) = ((lo - base).as_vec3(), (hi - base).as_vec3());
+            window.read_ahead(&near.acting(std::array::from_fn(|a| [lo[a], hi[a]]), &mut work.acting));
+        }
         for k in 0..block.size[2] {
             // beyond the last row, the last row again
             let start: [[f32; 3]; EDGE] = std::array::from_fn(|j| {
