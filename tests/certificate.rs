@@ -29,9 +29,9 @@ fn ball() -> Volume {
     filled::<i16>(|p| 1000.0 * (-(p - DVec3::new(17.5, 15.5, 13.5)).length_squared() / 60.0).exp())
 }
 
-/// Half-spaces of labels 0, `step`, 2 `step`, ...
+/// Layers of four labels, multiples of `step`; neighbours are not those that follow each other.
 fn labels(step: f64) -> Volume {
-    filled::<u8>(|p| step * ((p.x + 0.4 * p.y) / 10.0).floor())
+    filled::<u8>(|p| step * [0.0, 3.0, 1.0, 2.0, 0.0][((p.x + 0.4 * p.y) / 10.0) as usize])
 }
 
 fn stroke(vector: DVec3, wide: f64) -> Prepared {
@@ -72,8 +72,8 @@ struct Mesh {
 }
 
 impl Mesh {
-    fn of(map: &Prepared, input: &Grid, output: &Grid) -> Self {
-        let lattice = Lattice::of(map, input, output, Refinement::Tolerance(0.1)).unwrap();
+    fn of(map: &Prepared, input: &Grid, output: &Grid, tolerance: f64) -> Self {
+        let lattice = Lattice::of(map, input, output, Refinement::Tolerance(tolerance)).unwrap();
         assert!(lattice.report.converged);
         Self { deformed: lattice.deformed().to_vec(), tets: lattice.mesh.tets, rest: lattice.mesh.points }
     }
@@ -124,8 +124,9 @@ impl Mesh {
     }
 }
 
+/// A coarse one, with some voxels in each tetrahedron.
 fn lattice() -> Mesh {
-    Mesh::of(&pull(), &grid(), &grid())
+    Mesh::of(&pull(), &grid(), &grid(), 0.6)
 }
 
 fn says(certificate: &Certificate, words: &str) {
@@ -141,7 +142,7 @@ fn what_is_sound_passes_with_its_facts() {
         assert_eq!(c.coverage.voxels, output.grid.len() as u64);
         assert_eq!(c.coverage.inside_input + c.coverage.outside_input, c.coverage.voxels);
         assert!(c.coverage.tets.is_none() && c.labels.is_none() && c.inverse.failed == 0);
-        assert!(c.inverse.samples > 1000 && c.inverse.max < 1e-9, "{:?}", c.inverse);
+        assert!(c.inverse.samples > 1000 && c.inverse.max < 1e-8, "{:?}", c.inverse);
         // stretched behind the stroke, squeezed before it
         let (min, max) = (c.jacobian.min.unwrap(), c.jacobian.max.unwrap());
         assert!(c.jacobian.not_positive == 0 && 0.5 < min && min < 0.9 && 1.1 < max && max < 4.0, "{min} {max}");
@@ -149,7 +150,7 @@ fn what_is_sound_passes_with_its_facts() {
     // the lattice: the determinants of its tetrahedra lie within those of the map, nearly
     let exact = mapped(&input, &map, &ExportOptions::default()).1.jacobian;
     let output = output_grid(&input, &map, &ExportOptions::default()).unwrap();
-    let mesh = Mesh::of(&map, &input.grid, &output);
+    let mesh = Mesh::of(&map, &input.grid, &output, 0.1);
     let volume = mesh.warped(&input, &output, &WarpOptions::default());
     let of = |exact| {
         let field = TetField { exact, ..mesh.field(true) };
@@ -161,7 +162,7 @@ fn what_is_sound_passes_with_its_facts() {
     assert_eq!((t.none, t.once, t.more, t.enclosed, t.degenerate), (0, volume.grid.len() as u64, 0, 0, 0));
     assert_eq!(c.jacobian.samples, mesh.tets.len() as u64);
     let (min, max) = (c.jacobian.min.unwrap(), c.jacobian.max.unwrap());
-    assert!(min > exact.min.unwrap() - 0.02 && max < exact.max.unwrap() + 0.05, "{min} {max} {exact:?}");
+    assert!(min > exact.min.unwrap() - 0.05 && max < exact.max.unwrap() + 0.2, "{min} {max} {exact:?}");
     // against the exact forward map the inverse is off by about the tolerance, against its own not at all
     assert!(c.inverse.max > 0.01 && c.inverse.max < 0.3 && c.inverse.mean < 0.1, "{:?}", c.inverse);
     let own = of(None).inverse;
@@ -240,7 +241,7 @@ fn an_overlap_is_found_and_counted() {
 #[test]
 fn a_clipped_export_is_found() {
     // something up to the border, and pulled over it
-    let input = filled::<u8>(|p| if p.x > 20.0 { 200.0 } else { 0.0 });
+    let input = filled::<u8>(|p| if p.x > 20.0 { 90.0 + 5.0 * p.y } else { p.z });
     let extent = Extent { u: 14.0, v: 14.0, length: 60.0 };
     let d = DisplacementVolume::new(DVec3::new(28.0, 20.0, 20.0), DVec3::X * 6.0, extent, None).unwrap();
     let map = Stack { items: vec![Deformation::new("", Deformer::Displacement(d))] }.prepared();
@@ -249,9 +250,10 @@ fn a_clipped_export_is_found() {
     says(&c, "beyond the grid");
     assert!(c.material_clipped > 100);
     let (output, kept) = mapped(&input, &map, &ExportOptions::default());
-    assert!(kept.sound && kept.material_clipped == 0 && output.grid.dims[0] > input.grid.dims[0]);
+    assert!(kept.sound && kept.material_clipped == 0, "{:?}", kept.faults);
+    assert!(output.grid.dims[0] > input.grid.dims[0]);
     // the lattice of the larger grid, warped onto the smaller: it loses the same voxels, but for those at the very surface
-    let mesh = Mesh::of(&map, &input.grid, &output.grid);
+    let mesh = Mesh::of(&map, &input.grid, &output.grid, 0.1);
     let cut = mesh.warped(&input, &input.grid, &WarpOptions::default());
     let lost = of_tets(&subject(&input, &cut, &same), &mesh.field(true)).unwrap();
     says(&lost, "beyond the grid");
@@ -264,7 +266,7 @@ fn labels_changed_by_interpolation_are_found() {
     let map = pull();
     for (step, name) in [(10.0, "apart"), (1.0, "in a row")] {
         let input = labels(step);
-        let mesh = Mesh::of(&map, &input.grid, &input.grid);
+        let mesh = Mesh::of(&map, &input.grid, &input.grid, 0.1);
         for interpolation in [Interpolation::Nearest, Interpolation::Linear] {
             let options = ExportOptions { grid: GridChoice::Same, ..by(interpolation) };
             let (_, by_map) = mapped(&input, &map, &options);

@@ -217,6 +217,15 @@ fn a_mesh_reaching_beyond_the_volume_and_the_grid() {
     let moved = turned(&mesh, DVec3::splat(4.7), [20.0, 10.0]);
     let tally = check(&volume, &mesh, &moved, &grid([9, 12, 10], [1.0, -4.0, 2.0]));
     assert!(tally.beyond > 0 && tally.beyond < tally.written);
+    // what lies in a tetrahedron but comes from beyond the volume gets the outside value like what lies in none
+    let output = grid([9, 12, 10], [1.0, -4.0, 2.0]);
+    let warp = Warp::new(&volume.grid, &output, &mesh.tets, &mesh.points, &moved).unwrap();
+    let by =
+        |outside| samples(&warp.volume(&volume, &output, &WarpOptions { outside, ..Default::default() }).unwrap().0);
+    let (low, high) = (by(7.0), by(9.0));
+    assert!(low.iter().zip(&high).all(|(a, b)| a == b || (*a == 7.0 && *b == 9.0)));
+    let missed = low.iter().zip(&high).filter(|(a, b)| a != b).count() as u64;
+    assert_eq!(missed, tally.beyond + output.len() as u64 - tally.written);
     // no voxel at all
     let warp = Warp::new(&volume.grid, &grid([3, 3, 3], [90.0; 3]), &mesh.tets, &mesh.points, &moved).unwrap();
     let (made, tally) =

@@ -49,6 +49,7 @@ pub(super) struct Reader<'a, T> {
     input: Sampler<'a, T>,
     interpolation: Interpolation,
     density: bool,
+    outside: T,
     /// Whether the vector code may be used at all.
     fast: bool,
     pub stride: [usize; 3],
@@ -73,7 +74,9 @@ impl<'a, T: Fetch> Reader<'a, T> {
         let length = if fast { samples.len() - reach } else { 0 };
         let lines = [0, stride[1], stride[2], reach].map(|at| if fast { &samples[at..][..length] } else { samples });
         let last = DVec3::new((dims[0] - 1) as f64, (dims[1] - 1) as f64, (dims[2] - 1) as f64);
-        Self { input, interpolation: options.interpolation, density: options.density, fast, stride, lines, last }
+        let outside = T::from_f64(options.outside);
+        let WarpOptions { interpolation, density, .. } = *options;
+        Self { input, interpolation, density, outside, fast, stride, lines, last }
     }
 
     #[inline(always)]
@@ -88,7 +91,7 @@ impl<'a, T: Fetch> Reader<'a, T> {
     }
 
     /// Looks up the voxels of a row one by one, but for those that surely lie inside: returns which those are, and how many
-    /// of the others lie outside the input.
+    /// of the others lie outside the input and got the outside value.
     pub fn read(&self, line: &Line, out: &mut [T]) -> (std::ops::Range<usize>, usize) {
         let channels = self.channels();
         let count = out.len() / channels;
@@ -96,7 +99,10 @@ impl<'a, T: Fetch> Reader<'a, T> {
         let mut missed = 0;
         for (i, value) in out.chunks_exact_mut(channels).enumerate() {
             if i < first || i >= last {
-                missed += usize::from(!self.single(line.at(i), line.weight, value));
+                if !self.single(line.at(i), line.weight, value) {
+                    value.fill(self.outside);
+                    missed += 1;
+                }
             }
         }
         (first..last, missed)
