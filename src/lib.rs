@@ -18,7 +18,7 @@
 //! | layer | modules |
 //! |---|---|
 //! | L0 | [`math`]: spaces, oriented boxes, quadratic B-splines |
-//! | L1 | [`volume`]: grid with its affine frame, sampling, histogram, transfer function, phantoms; [`mesh`]: surface mesh with edge list, checks, primitives; tetrahedral meshes and how they are made |
+//! | L1 | [`volume`]: grid with its affine frame, sampling, histogram, transfer function, phantoms; [`mesh`]: surface mesh with edge list, checks, primitives; tetrahedral meshes, cells that become such, and how they are made |
 //! | L2 | [`io`], [`deform`], [`slice`](mod@slice), [`tessellate`], [`subdivide`], [`render`] (view, shading, the CPU renderer of slice geometry), [`warp`]: tetrahedron rasterization, [`compare`]: metrics of pictures and volumes |
 //! | L3 | [`scene`]: the document; [`gpu`]: device, passes, readback |
 //! | L4 | [`evaluate`]: document -> derived data, on CPU or GPU; export |

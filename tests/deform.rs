@@ -1,6 +1,6 @@
 //! Deformers against their definitions: B-spline fields, derivatives, the bound of folding, order and inverse.
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use voxclay::deform::{
     DeformError, Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Limit, Stack,
 };
@@ -421,6 +421,60 @@ fn the_prepared_stack_and_its_blocks_agree_with_the_reference() {
             assert!((DVec3::new(lanes[0][i], lanes[1][i], lanes[2][i]) - s.backward(*p)).length() < 1e-12);
         }
     }
+}
+
+#[test]
+fn a_stack_in_oblique_coordinates_is_the_same_map_and_keeps_its_bounds() {
+    let mut r = Random(31);
+    let all = deformers(&mut r);
+    let s = stack(all.clone());
+    let matrix = DMat3::from_cols(DVec3::new(0.8, 0.3, -0.1), DVec3::new(-0.2, -0.5, 0.1), DVec3::new(0.1, 0.2, 1.7));
+    let world_from_local = DAffine3::from_mat3_translation(matrix, DVec3::new(4.0, -7.0, 1.0));
+    let local_from_world = world_from_local.inverse();
+    let framed = s.prepared().in_frame(&world_from_local);
+    let (mut moved, mut acting) = (0, Vec::new());
+    for n in 0..300 {
+        let middle = local_from_world.transform_point3(r.inside(&all[n % all.len()].support()));
+        let half = DVec3::new(r.unit(), r.unit(), r.unit()).abs() * if n % 4 == 0 { 30.0 } else { 3.0 };
+        let (lower, upper) = (middle - half, middle + half);
+        let origin = lower.floor();
+        let near = framed.near(lower, upper, origin);
+        let mut block = Block::<f32>::default();
+        for i in 0..BLOCK {
+            let p = middle + r.cube() * half - origin;
+            (block.x[i], block.y[i], block.z[i]) = (p.x as f32, p.y as f32, p.z as f32);
+        }
+        let point = |b: &Block<f32>, i: usize| DVec3::new(b.x[i].into(), b.y[i].into(), b.z[i].into()) + origin;
+        let start = block.clone();
+        let ends = std::array::from_fn(|a| [(lower - origin)[a] as f32, (upper - origin)[a] as f32]);
+        let images = near.acting(ends, &mut acting);
+        near.backward(&acting, std::slice::from_mut(&mut block));
+        let (lo, hi) = framed.sources(lower, upper);
+        for i in 0..BLOCK {
+            let from = point(&start, i);
+            let want = local_from_world.transform_point3(s.backward(world_from_local.transform_point3(from)));
+            let got = point(&block, i);
+            assert!((got - want).length() < 1e-4, "{n}: {got} {want}");
+            assert!(want.cmpge(lo - 1e-9).all() && want.cmple(hi + 1e-9).all(), "{n}: {want} not from {lo} to {hi}");
+            for a in 0..3 {
+                let at = (want - origin)[a] as f32;
+                assert!(images[a][0] - 1e-4 <= at && at <= images[a][1] + 1e-4, "{n}: {at} not in {:?}", images[a]);
+            }
+            moved += usize::from((want - from).length() > 1e-3);
+        }
+    }
+    assert!(moved > 300 * BLOCK / 4, "{moved}");
+    // bounds of a small box far inside a stroke are not those of the whole stroke
+    let pull = DisplacementVolume::from_drag(DVec3::ZERO, DVec3::Z * 4.0, 20.0).unwrap();
+    let framed = stack([Deformer::Displacement(pull)]).prepared().in_frame(&DAffine3::IDENTITY);
+    let (lo, hi) = framed.sources(DVec3::new(-0.1, -0.1, 3.9), DVec3::new(0.1, 0.1, 4.1));
+    assert!(hi.z - lo.z < 0.4 && lo.z < 0.0 && hi.z > 0.0, "{lo} {hi}");
+    let away = DVec3::splat(300.0);
+    assert_eq!(framed.sources(away, away + 1.0), (away, away + 1.0));
+    assert!(
+        framed.near(away, away + 1.0, away).acting([[0.0, 1.0]; 3], &mut acting) == [[0.0, 1.0]; 3]
+            && acting.is_empty()
+    );
 }
 
 #[test]

@@ -419,6 +419,74 @@ fn the_fast_path_is_within_a_grey_level_of_the_reference() {
     }
 }
 
+/// A stack that does not tell that it can be written in voxel coordinates.
+struct Opaque(Prepared);
+
+impl BackwardMap for Opaque {
+    fn backward(&self, p: DVec3) -> DVec3 {
+        self.0.backward(p)
+    }
+    fn backward_with_jacobian(&self, p: DVec3) -> (DVec3, DMat3) {
+        self.0.backward_with_jacobian(p)
+    }
+    fn supports(&self) -> Vec<OrientedBox> {
+        self.0.supports()
+    }
+}
+
+impl ExportMap for Opaque {}
+
+#[test]
+fn what_a_search_skips_holds_no_material() {
+    for grid in [plain([44, 40, 31]), skew([40, 36, 30])] {
+        let mut volume = blob(grid);
+        // out through five of the faces
+        let strokes = (0..5).map(|face| {
+            let mut out = DVec3::ZERO;
+            out[face / 2] = if face % 2 == 0 { 1.0 } else { -1.0 };
+            let half = grid.world_from_voxel.transform_vector3(out * 0.5 * grid.size());
+            let wide = half.length();
+            let extent = Extent { u: 0.8 * wide, v: 0.6 * wide, length: 3.0 * wide };
+            let pull = DisplacementVolume::new(grid.center() + 0.8 * half, 0.3 * half, extent, None).unwrap();
+            Deformation::new("", Deformer::Displacement(pull))
+        });
+        let map = Stack { items: strokes.collect() }.prepared();
+        let opaque = Opaque(map.clone());
+        // a hole in the middle, so that not all of a pull is material
+        let Samples::U8(v) = &mut volume.samples else { panic!("the type") };
+        v.iter_mut().step_by(3).for_each(|v| *v = 20);
+        let shifted = Grid { dims: [30, 50, 20], ..rotated(grid.center() + DVec3::new(8.0, -3.0, 5.0), 30) };
+        for choice in [GridChoice::Same, GridChoice::SameGrown, GridChoice::Given(shifted)] {
+            for outside in [20.0, 90.0] {
+                let options = ExportOptions { grid: choice, outside: Some(outside), ..same() };
+                let (a, ra) = run(&volume, &map, options);
+                let (b, rb) = run(&volume, &opaque, options);
+                assert_eq!(a.grid, b.grid, "{choice:?}");
+                assert!(differences(&a, &b).0 <= 1.0);
+                assert!(ra.clipped.abs_diff(rb.clipped) <= 1 + rb.clipped / 500, "{choice:?} {ra:?} {rb:?}");
+                assert_eq!(rb.clipped > 100, choice != GridChoice::SameGrown, "{choice:?} {rb:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_pull_over_more_voxels_than_f32_can_count_arrives() {
+    let volume = blob(plain([24, 20, 16]));
+    let center = volume.grid.center();
+    let vector = DVec3::new(3e5, 1e5, -2e5);
+    let extent = Extent { u: 2e6, v: 2e6, length: 6e6 };
+    let pull = DisplacementVolume::new(center, vector, extent, None).unwrap();
+    let map = Stack { items: vec![Deformation::new("", Deformer::Displacement(pull))] }.prepared();
+    let there = Grid::aligned([30, 26, 22], DVec3::ONE, vector - 3.0).unwrap();
+    let options = ExportOptions { grid: GridChoice::Given(there), outside: Some(0.0), ..same() };
+    let (made, report) = run(&volume, &map, options);
+    let (want, reference) = run(&volume, &map, ExportOptions { precision: Precision::Reference, ..options });
+    assert!(differences(&made, &want).0 <= 1.0);
+    assert_eq!((report.moved, report.outside), (reference.moved, reference.outside));
+    assert!(report.voxels - report.outside > 20 * 16 * 12, "{report:?}");
+}
+
 #[test]
 fn all_types_and_channels_agree_with_the_reference_within_rounding() {
     let grid = skew([45, 20, 18]);

@@ -3,8 +3,10 @@
 use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use voxclay::gpu::layout::{MapUniform, ObjectUniform, ResampleUniform, StepRecord};
-use voxclay::gpu::shader::{self, Variant};
+use voxclay::gpu::layout::{
+    Affine4, Fixed4, MapUniform, ObjectUniform, ResampleUniform, StepRecord, WarpTet, WarpUniform,
+};
+use voxclay::gpu::shader::{self, Texel, Variant};
 use voxclay::render::Frame;
 
 fn parsed(name: &str, source: &str) -> naga::Module {
@@ -35,6 +37,10 @@ fn the_other_passes_are_valid() {
     validate("resolve", &shader::resolve(false));
     validate("resolve of the maximum", &shader::resolve(true));
     validate("resample", &shader::resample());
+    validate("warp claim", &shader::warp_claim());
+    for texel in Texel::ALL {
+        validate(&format!("warp sample {texel:?}"), &shader::warp_sample(texel));
+    }
 }
 
 /// Offsets of the members of a struct in a shader, and its size.
@@ -67,4 +73,10 @@ fn shared_structs_lie_as_in_rust() {
         kind, falloff, first, core, center, inverse_radius, vector, axis_u, cells_u, axis_v, cells_v, axis_w, cells_w);
     same_layout!(shader::resample(), "Resample", ResampleUniform:
         input_from_output, local_from_output, input, output, chunk, value);
+    for source in [shader::warp_claim(), shader::warp_sample(Texel::Float)] {
+        same_layout!(source, "Fixed4", Fixed4: hi, lo);
+        same_layout!(source, "Affine4", Affine4: x, y, z, at);
+        same_layout!(source, "Tet", WarpTet: bary, rest, inner, lo, weight, size, base);
+        same_layout!(source, "Warp", WarpUniform: brick, chunk, input, first, end, range, outside);
+    }
 }

@@ -51,16 +51,16 @@ pub fn run(args: &Args) -> Result<Answer> {
         }
         FileKind::Tets => {
             let mut mesh = io::read_tets(&args.input)?;
-            if !io::keeps_vectors(&args.output) && !mesh.vectors.is_empty() {
-                let names: Vec<&str> = mesh.vectors.iter().map(|v| v.name.as_str()).collect();
+            let lost = if io::keeps_vectors(&args.output) { Vec::new() } else { std::mem::take(&mut mesh.vectors) };
+            io::write_tets(&args.output, &mesh, &io::TetWriteOptions::default())?;
+            if !lost.is_empty() {
+                let names: Vec<&str> = lost.iter().map(|v| v.name.as_str()).collect();
                 eprintln!(
                     "voxclay: {}: this format cannot hold the vectors {}, so they are left out; .vtu, .vtk and .msh can",
                     args.output.display(),
                     names.join(", ")
                 );
-                mesh.vectors.clear();
             }
-            io::write_tets(&args.output, &mesh, &io::TetWriteOptions::default())?;
             format!("{} nodes, {} tetrahedra", mesh.points.len(), mesh.tets.len())
         }
         FileKind::Volume => {

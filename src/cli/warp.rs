@@ -1,7 +1,7 @@
 //! `voxclay warp`: a volume through a deformed tetrahedral mesh onto a grid.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use glam::{DAffine3, DVec3};
@@ -9,7 +9,10 @@ use serde_json::json;
 
 use super::Answer;
 use super::export::InterpolationArg;
+use super::view::BackendArg;
 use crate::evaluate::load;
+use crate::evaluate::picture::Backend;
+use crate::gpu::{Gpu, Preference, WarpPass};
 use crate::io;
 use crate::mesh::tets::TetMesh;
 use crate::volume::fetch::Fetch;
@@ -73,6 +76,9 @@ pub struct Args {
     /// Divide values by the local change of volume, so that the total mass stays.
     #[arg(long)]
     density: bool,
+    /// `auto` takes the GPU if there is a real one and it can do what is asked.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendArg,
     /// Do it R times and report medians.
     #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
@@ -95,6 +101,8 @@ struct Outcome {
     tally: Tally,
     facts: Facts,
     times: Times,
+    /// Name of the GPU, if it was one.
+    device: Option<String>,
 }
 
 pub fn run(args: &Args) -> Result<Answer> {
@@ -126,10 +134,25 @@ pub fn run(args: &Args) -> Result<Answer> {
         reference: false,
     };
     let job = Job { volume: &volume, output: &output, tets: &mesh.tets, rest: &rest, moved: &moved, options: &options };
-    let outcome = with_samples!(&volume.samples, v => job.repeat(v, args.repeat))
-        .with_context(|| format!("{} warped by {}", args.volume, args.tets.display()))?;
+    let gpu = device(args, &volume, &options)?;
+    let outcome = match &gpu {
+        Some(gpu) => job.repeat_on(gpu, args.repeat),
+        None => with_samples!(&volume.samples, v => job.repeat(v, args.repeat)),
+    }
+    .with_context(|| format!("{} warped by {}", args.volume, args.tets.display()))?;
     io::write_volume(&args.output, &outcome.made, &io::WriteOptions::default())?;
     Ok(answer(args, &outcome))
+}
+
+/// The GPU, if it is to be used.
+fn device(args: &Args, volume: &Volume, options: &WarpOptions) -> Result<Option<Gpu>> {
+    let unsupported = WarpPass::unsupported(volume, options);
+    match (args.backend.into(), unsupported) {
+        (Backend::Cpu, _) | (Backend::Auto, Some(_)) => Ok(None),
+        (Backend::Gpu, Some(reason)) => bail!("--backend gpu: {reason} on the GPU; use --backend cpu"),
+        (Backend::Gpu, None) => Ok(Some(Gpu::open(Preference::Any)?)),
+        (Backend::Auto, None) => Ok(Gpu::open(Preference::Any).ok().filter(|g| !g.is_software())),
+    }
 }
 
 /// The mesh, and the deformed position of each of its points.
@@ -212,24 +235,50 @@ impl Job<'_> {
             let cull = started.elapsed() - setup;
             let tally = warp.run(&candidates, input, self.options, &mut out)?;
             let raster = started.elapsed() - setup - cull;
-            let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
             all.push(Times { setup: ms(setup), cull: ms(cull), raster: ms(raster) });
             result = (tally, *warp.facts());
         }
-        let median = |part: fn(&Times) -> f64| {
+        let mut made = Volume::new(*output, channels, T::wrap(out));
+        made.rescale = self.volume.rescale;
+        Ok(Outcome { made, tally: result.0, facts: result.1, times: Times::medians(&all), device: None })
+    }
+
+    /// The same on the GPU; what is read back counts as `raster`, and so do the candidates.
+    fn repeat_on(&self, gpu: &Gpu, times: u32) -> Result<Outcome> {
+        let pass = WarpPass::new(gpu)?;
+        let mut all = Vec::new();
+        loop {
+            let started = Instant::now();
+            let warp = Warp::new(&self.volume.grid, self.output, self.tets, self.rest, self.moved)?;
+            let setup = started.elapsed();
+            let (made, tally) = pass.volume(gpu, &warp, self.volume, self.output, self.options)?;
+            let raster = started.elapsed() - setup;
+            all.push(Times { setup: ms(setup), cull: 0.0, raster: ms(raster) });
+            if all.len() == times as usize {
+                let (facts, times) = (*warp.facts(), Times::medians(&all));
+                return Ok(Outcome { made, tally, facts, times, device: Some(gpu.name()) });
+            }
+        }
+    }
+}
+
+fn ms(d: Duration) -> f64 {
+    d.as_secs_f64() * 1e3
+}
+
+impl Times {
+    fn medians(all: &[Self]) -> Self {
+        let median = |part: fn(&Self) -> f64| {
             let mut v: Vec<f64> = all.iter().map(part).collect();
             v.sort_by(f64::total_cmp);
             v[v.len() / 2]
         };
-        let times = Times { setup: median(|t| t.setup), cull: median(|t| t.cull), raster: median(|t| t.raster) };
-        let mut made = Volume::new(*output, channels, T::wrap(out));
-        made.rescale = self.volume.rescale;
-        Ok(Outcome { made, tally: result.0, facts: result.1, times })
+        Self { setup: median(|t| t.setup), cull: median(|t| t.cull), raster: median(|t| t.raster) }
     }
 }
 
 fn answer(args: &Args, outcome: &Outcome) -> Answer {
-    let Outcome { made, tally, facts, times } = outcome;
+    let Outcome { made, tally, facts, times, device } = outcome;
     let voxels = made.grid.len() as u64;
     let total = times.setup + times.cull + times.raster;
     let rate = if tally.candidates == 0 { 0.0 } else { tally.written as f64 / tally.candidates as f64 };
@@ -271,8 +320,8 @@ fn answer(args: &Args, outcome: &Outcome) -> Answer {
             "inverted_tets": facts.inverted,
             "degenerate_tets": facts.degenerate,
             "jacobian": jacobian,
-            "backend": "cpu",
-            "device": "CPU",
+            "backend": if device.is_some() { "gpu" } else { "cpu" },
+            "device": device.as_deref().unwrap_or("CPU"),
             "ms": { "setup": times.setup, "cull": times.cull, "raster": times.raster, "total": total },
         }),
         text,

@@ -28,8 +28,9 @@ const INFERNO: [[u8; 3]; 18] = [
 /// The sRGB colour of a number in 0..=1 (what lies outside gets the nearest end, NaN the lowest).
 pub fn inferno(t: f64) -> [u8; 3] {
     let last = INFERNO.len() - 1;
-    // `max` turns NaN into 0
-    let at = t.max(0.0).min(1.0) * last as f64;
+    // false for NaN
+    let within = if t > 0.0 { t.min(1.0) } else { 0.0 };
+    let at = within * last as f64;
     let i = (at as usize).min(last - 1);
     let part = at - i as f64;
     std::array::from_fn(|c| {

@@ -2,8 +2,8 @@
 //!
 //! A deformer is a profile in coordinates of its own, which are affine in the world's, and a vector. It can therefore be
 //! written in any affine coordinates at once, and evaluating it for the voxels of a grid needs no way through the world.
-//! Bounds of the displacement along each axis tell which deformers can act on a box of voxels, and from where its values
-//! can come, before any of them is evaluated.
+//! Bounds of the profile over a box of voxels (interval arithmetic) tell which deformers can act on it, and from where its
+//! values can come, before any of them is evaluated.
 
 use std::sync::Arc;
 
@@ -17,19 +17,17 @@ use crate::math::{Block, Real};
 #[derive(Debug, Clone)]
 pub struct Framed {
     /// The newest first, as they are applied.
-    steps: Vec<Step>,
+    steps: Vec<Step<f64>>,
 }
 
 #[derive(Debug, Clone)]
-struct Step {
-    kernel: Any<f64>,
-    region: Region<f64>,
-    /// Lowest and highest displacement along each axis; zero is between them.
-    range: [DVec3; 2],
+struct Step<T> {
+    kernel: FramedKernel<T>,
+    region: Region<T>,
 }
 
 #[derive(Debug, Clone)]
-pub(super) enum Any<T> {
+pub(super) enum FramedKernel<T> {
     Spline(SplineKernel<T>),
     Ball(BallKernel<T>),
     /// With its coefficients in `f32`, which all blocks share.
@@ -64,102 +62,105 @@ impl Region<f64> {
 }
 
 impl<T: Real> Region<T> {
-    /// Whether no point between these bounds is in the region. False if anything is NaN.
+    /// The middle of a box of points and its reach on both sides, in the region's own coordinates; `None` if no point of the
+    /// box is in the region.
     #[inline(always)]
-    fn misses(&self, bounds: &[[T; 2]; 3]) -> bool {
+    fn local(&self, bounds: &[[T; 2]; 3]) -> Option<[[T; 3]; 2]> {
         let middle = bounds.map(|[lo, hi]| T::of(0.5) * (lo + hi));
         let reach = bounds.map(|[lo, hi]| T::of(0.5) * (hi - lo));
-        (0..3).any(|a| {
-            let [x, y, z] = self.axes[a];
-            let at = x * middle[0] + y * middle[1] + z * middle[2] + self.offset[a];
-            let around = x.magnitude() * reach[0] + y.magnitude() * reach[1] + z.magnitude() * reach[2];
-            at.magnitude() - around > self.half[a]
-        })
+        let (mut at, mut around) = (self.offset, [T::default(); 3]);
+        for a in 0..3 {
+            for (n, axis) in self.axes[a].into_iter().enumerate() {
+                at[a] += axis * middle[n];
+                around[a] += axis.magnitude() * reach[n];
+            }
+            // not where anything is NaN
+            if at[a].magnitude() - around[a] > self.half[a] {
+                return None;
+            }
+        }
+        Some([at, around])
     }
 }
 
+impl<T: Real> Step<T> {
+    /// The ends of a box around the backward images of the points between these ends along each axis; `None` if none of
+    /// them is moved.
+    #[inline(always)]
+    fn images(&self, bounds: &[[T; 2]; 3]) -> Option<[[T; 2]; 3]> {
+        let [at, around] = self.region.local(bounds)?;
+        let range = match &self.kernel {
+            FramedKernel::Spline(k) => along(k.vector(), k.range(at, around)),
+            FramedKernel::Ball(k) => along(k.vector(), k.range(at, around)),
+            FramedKernel::Lattice(k, _) => k.range,
+        };
+        let still = [[T::default(); 2]; 3];
+        // what is displaced is subtracted
+        (range != still).then(|| std::array::from_fn(|a| [bounds[a][0] - range[a][1], bounds[a][1] - range[a][0]]))
+    }
+}
+
+/// The ends of a vector's parts from `lo` to `hi` times it.
+#[inline(always)]
+fn along<T: Real>(vector: [T; 3], [lo, hi]: [T; 2]) -> [[T; 2]; 3] {
+    vector.map(|v| [(v * lo).smaller(v * hi), (v * lo).larger(v * hi)])
+}
+
 impl Framed {
-    pub(super) fn new(kernels: impl Iterator<Item = Any<f64>>) -> Self {
-        let along = |v: [f64; 3]| [DVec3::from(v).min(DVec3::ZERO), DVec3::from(v).max(DVec3::ZERO)];
-        let step = |kernel: Any<f64>| match &kernel {
-            Any::Spline(k) => Step { region: k.region(), range: along(k.vector()), kernel },
-            Any::Ball(k) => Step { region: k.region(), range: along(k.vector()), kernel },
-            Any::Lattice(k, _) => Step { region: k.region(), range: k.range(), kernel },
+    pub(super) fn new(kernels: impl Iterator<Item = FramedKernel<f64>>) -> Self {
+        let step = |kernel| {
+            let region = match &kernel {
+                FramedKernel::Spline(k) => k.region(),
+                FramedKernel::Ball(k) => k.region(),
+                FramedKernel::Lattice(k, _) => k.region(),
+            };
+            Step { kernel, region }
         };
         Self { steps: kernels.map(step).collect() }
     }
 
     /// Corners of a box around the backward images of all points between two corners.
     pub fn sources(&self, lower: DVec3, upper: DVec3) -> (DVec3, DVec3) {
-        self.acting(lower, upper, |_| {})
-    }
-
-    /// Calls `act` with the steps that may move a point between two corners. Returns where the points may go.
-    fn acting<'a>(&'a self, lower: DVec3, upper: DVec3, mut act: impl FnMut(&'a Step)) -> (DVec3, DVec3) {
-        self.steps.iter().fold((lower, upper), |(lo, hi), step| {
-            if step.region.misses(&std::array::from_fn(|a| [lo[a], hi[a]])) {
-                return (lo, hi);
-            }
-            act(step);
-            // what is displaced is subtracted
-            (lo - step.range[1], hi - step.range[0])
-        })
+        let ends = std::array::from_fn(|a| [lower[a], upper[a]]);
+        let ends = self.steps.iter().fold(ends, |ends, step| step.images(&ends).unwrap_or(ends));
+        (DVec3::from(ends.map(|e| e[0])), DVec3::from(ends.map(|e| e[1])))
     }
 
     /// An evaluator for points between two corners only. Its coordinates are relative to `origin`.
     pub fn near(&self, lower: DVec3, upper: DVec3, origin: DVec3) -> Near {
+        let mut ends = std::array::from_fn(|a| [lower[a], upper[a]]);
         let mut steps = Vec::new();
-        let sources = self.acting(lower, upper, |step| {
+        for step in &self.steps {
+            let Some(images) = step.images(&ends) else { continue };
             let kernel = match &step.kernel {
-                Any::Spline(k) => Any::Spline(k.about(origin)),
-                Any::Ball(k) => Any::Ball(k.about(origin)),
-                Any::Lattice(k, narrow) => Any::Lattice(k.about_with(origin, Arc::clone(narrow)), Arc::clone(narrow)),
+                FramedKernel::Spline(k) => FramedKernel::Spline(k.about(origin)),
+                FramedKernel::Ball(k) => FramedKernel::Ball(k.about(origin)),
+                FramedKernel::Lattice(k, narrow) => {
+                    FramedKernel::Lattice(k.about_with(origin, Arc::clone(narrow)), Arc::clone(narrow))
+                }
             };
-            let range = step.range.map(|v| v.as_vec3().to_array());
-            steps.push(NearStep { kernel, region: step.region.about(origin), range });
-        });
-        Near { steps, sources }
+            steps.push(Step { kernel, region: step.region.about(origin) });
+            ends = images;
+        }
+        Near { steps }
     }
 }
 
 /// A stack for a box of points (see [`Framed::near`]).
 #[derive(Debug, Clone)]
 pub struct Near {
-    steps: Vec<NearStep>,
-    sources: (DVec3, DVec3),
-}
-
-#[derive(Debug, Clone)]
-struct NearStep {
-    kernel: Any<f32>,
-    region: Region<f32>,
-    range: [[f32; 3]; 2],
+    steps: Vec<Step<f32>>,
 }
 
 impl Near {
-    /// Whether surely no point of the box is moved.
-    pub fn is_empty(&self) -> bool {
-        self.steps.is_empty()
-    }
-
-    /// Corners of a box around the backward images of all points; not relative to the origin.
-    pub fn sources(&self) -> (DVec3, DVec3) {
-        self.sources
-    }
-
     /// Lists the steps that may move a point between these ends along each axis, for [`Near::backward`]. Returns the ends
     /// of a box around the backward images.
     pub fn acting(&self, mut bounds: [[f32; 2]; 3], acting: &mut Vec<usize>) -> [[f32; 2]; 3] {
         acting.clear();
         for (n, step) in self.steps.iter().enumerate() {
-            if step.region.misses(&bounds) {
-                continue;
-            }
-            acting.push(n);
-            for (a, [lo, hi]) in bounds.iter_mut().enumerate() {
-                // what is displaced is subtracted
-                *lo -= step.range[1][a];
-                *hi -= step.range[0][a];
+            if let Some(images) = step.images(&bounds) {
+                acting.push(n);
+                bounds = images;
             }
         }
         bounds
@@ -178,7 +179,7 @@ impl Near {
 
 /// The steps for some blocks, compiled for what the processor offers.
 struct Displace<'a> {
-    steps: &'a [NearStep],
+    steps: &'a [Step<f32>],
     acting: &'a [usize],
     points: &'a mut [Block<f32>],
 }
@@ -192,9 +193,9 @@ impl pulp::WithSimd for Displace<'_> {
             let kernel = &self.steps[*step].kernel;
             for points in &mut *self.points {
                 match kernel {
-                    Any::Spline(k) => k.displace(points),
-                    Any::Ball(k) => k.displace(points),
-                    Any::Lattice(k, _) => k.displace(points),
+                    FramedKernel::Spline(k) => k.displace(points),
+                    FramedKernel::Ball(k) => k.displace(points),
+                    FramedKernel::Lattice(k, _) => k.displace(points),
                 }
             }
         }

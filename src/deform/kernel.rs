@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::Falloff;
 use super::framed::Region;
-use crate::math::bspline::{bump, bump_with_slope, rise_and_fall, rise_and_fall_with_slope};
+use crate::math::bspline::{bump, bump_range, bump_with_slope, rise_and_fall, rise_and_fall_with_slope, stretched};
 use crate::math::{BLOCK, Block, JacobianBlock, Real};
 
 /// A displacement `vector * V(p)` with `V` in 0..=1.
@@ -16,6 +16,9 @@ pub(super) trait Kernel<T: Real> {
 
     /// `V` and its gradient.
     fn value_and_gradient(&self, p: [T; 3]) -> (T, [T; 3]);
+
+    /// Bounds of `V` over a box in the coordinates of the kernel's region: its middle and its reach on both sides.
+    fn range(&self, at: [T; 3], around: [T; 3]) -> [T; 2];
 
     /// `p - vector V(p)` for every point of the block.
     #[inline(always)]
@@ -141,6 +144,15 @@ impl<T: Real> Kernel<T> for SplineKernel<T> {
     }
 
     #[inline(always)]
+    fn range(&self, at: [T; 3], around: [T; 3]) -> [T; 2] {
+        let [u, v, w] = std::array::from_fn(|a| [at[a] - around[a], at[a] + around[a]]);
+        // the region's origin is its middle
+        let w = w.map(|t| stretched(t + T::of(0.5)));
+        let [u, v, w] = [u, v, w].map(bump_range);
+        [u[0] * v[0] * w[0], u[1] * v[1] * w[1]]
+    }
+
+    #[inline(always)]
     fn value_and_gradient(&self, p: [T; 3]) -> (T, [T; 3]) {
         let [u, v, w] = self.local(p);
         let ((bu, su), (bv, sv), (bw, sw)) = (bump_with_slope(u), bump_with_slope(v), rise_and_fall_with_slope(w));
@@ -239,6 +251,19 @@ impl<T: Real> Kernel<T> for BallKernel<T> {
     #[inline(always)]
     fn value(&self, p: [T; 3]) -> T {
         self.value_by(p, profile_of(self.falloff))
+    }
+
+    #[inline(always)]
+    fn range(&self, at: [T; 3], around: [T; 3]) -> [T; 2] {
+        let (mut least, mut most) = (T::default(), T::default());
+        for a in 0..3 {
+            let (near, far) = ((at[a].magnitude() - around[a]).larger(T::default()), at[a].magnitude() + around[a]);
+            least += near * near;
+            most += far * far;
+        }
+        let profile = profile_of(self.falloff);
+        // it falls
+        [profile(most).0, profile(least).0]
     }
 
     #[inline(always)]

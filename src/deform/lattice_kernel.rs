@@ -19,18 +19,30 @@ pub(super) struct LatticeKernel<T> {
     cells: [usize; 3],
     /// Vectors in the lattice's own axes, with two layers of zeros all round; the fourth number fills the vector unit.
     coefficients: Arc<[[T; 4]]>,
+    /// Bounds of the displacement along each coordinate: it is a convex combination of the coefficients.
+    pub range: [[T; 2]; 3],
 }
 
 impl LatticeKernel<f64> {
     /// `coefficients`: in the lattice's axes, two more than `cells` along each axis, the first fastest.
     pub fn new(corner: DVec3, axes: DMat3, step: DVec3, cells: [usize; 3], coefficients: &[DVec3]) -> Self {
-        Self {
+        let kernel = Self {
+            range: [[0.0; 2]; 3],
             corner: corner.to_array(),
             knots_from_offset: (axes * DMat3::from_diagonal(step.recip())).to_cols_array_2d(),
             axes: axes.to_cols_array_2d(),
             cells,
             coefficients: coefficients.iter().map(|c| [c.x, c.y, c.z, 0.0]).collect(),
-        }
+        };
+        kernel.bounded()
+    }
+
+    /// With the bounds of its displacement.
+    fn bounded(mut self) -> Self {
+        let vectors = self.coefficients.iter().map(|c| DVec3::from(self.world(*c)));
+        let (lo, hi) = vectors.fold((DVec3::ZERO, DVec3::ZERO), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        self.range = std::array::from_fn(|a| [lo[a], hi[a]]);
+        self
     }
 
     /// In another precision and relative to `center`.
@@ -46,6 +58,7 @@ impl LatticeKernel<f64> {
             axes: self.axes.map(|a| a.map(T::of)),
             cells: self.cells,
             coefficients,
+            range: self.range.map(|r| r.map(T::of)),
         }
     }
 
@@ -53,12 +66,13 @@ impl LatticeKernel<f64> {
     pub fn in_frame(&self, world_from_local: &DAffine3) -> Self {
         let local_from_world = world_from_local.inverse();
         let axes_from_local = world_from_local.matrix3.transpose();
-        Self {
+        let kernel = Self {
             corner: local_from_world.transform_point3(self.corner.into()).to_array(),
             knots_from_offset: self.knots_from_offset.map(|a| (axes_from_local * DVec3::from(a)).to_array()),
             axes: self.axes.map(|a| local_from_world.transform_vector3(a.into()).to_array()),
             ..self.clone()
-        }
+        };
+        kernel.bounded()
     }
 
     pub fn narrow(&self) -> Arc<[[f32; 4]]> {
@@ -68,12 +82,6 @@ impl LatticeKernel<f64> {
     pub fn region(&self) -> Region<f64> {
         let cells = DVec3::from(self.cells.map(|n| n as f64));
         Region::new(self.knots_from_offset, self.corner, DVec3::ZERO, cells)
-    }
-
-    /// Bounds of the displacement: it is a convex combination of the coefficients.
-    pub fn range(&self) -> [DVec3; 2] {
-        let vectors = self.coefficients.iter().map(|c| DVec3::from(self.world(*c)));
-        vectors.fold([DVec3::ZERO; 2], |[lo, hi], v| [lo.min(v), hi.max(v)])
     }
 
     /// The derivative of the displacement in the lattice's own axes, at a place inside given in knot intervals.

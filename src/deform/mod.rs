@@ -24,8 +24,8 @@
 //! # Practice
 //!
 //! Deformers are plain values, checked when made or read, with public constructors and readable JSON. A [`Stack`] answers at
-//! single points; [`Stack::prepared`] gives an evaluator for many points in `f64`, and [`Prepared::blocks`] one for whole
-//! blocks in `f32` or `f64`. A stroke that would fold is shortened by [`Deformer::limited`], which says by how much.
+//! single points; [`Stack::prepared`] gives an evaluator for many points in `f64`, [`Prepared::blocks`] one for whole blocks
+//! in `f32` or `f64`, and [`Prepared::in_frame`] one in the voxel coordinates of a grid, with bounds. A stroke that would fold is shortened by [`Deformer::limited`], which says by how much.
 
 mod displacement;
 mod error;

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::forward::{forward_along, forward_lattice};
-use super::framed::{Any, Framed};
+use super::framed::{Framed, FramedKernel};
 use super::kernel::{BallKernel, Kernel, SplineKernel};
 use super::lattice_kernel::LatticeKernel;
 use super::stack::{outer, with_gradient};
@@ -83,9 +83,9 @@ impl Prepared {
     /// The same map of coordinates of which the world is an affine image, as voxel indices are.
     pub fn in_frame(&self, world_from_local: &DAffine3) -> Framed {
         Framed::new(self.steps.iter().map(|s| match &s.kernel {
-            AnyKernel::Spline(k) => Any::Spline(k.in_frame(world_from_local)),
-            AnyKernel::Ball(k) => Any::Ball(k.in_frame(world_from_local)),
-            AnyKernel::Lattice(k) => Any::Lattice(k.in_frame(world_from_local), k.narrow()),
+            AnyKernel::Spline(k) => FramedKernel::Spline(k.in_frame(world_from_local)),
+            AnyKernel::Ball(k) => FramedKernel::Ball(k.in_frame(world_from_local)),
+            AnyKernel::Lattice(k) => FramedKernel::Lattice(k.in_frame(world_from_local), k.narrow()),
         }))
     }
 

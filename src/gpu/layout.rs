@@ -57,6 +57,65 @@ pub struct ResampleUniform {
     pub value: [f32; 4],
 }
 
+/// `Fixed4` of `shaders/warp.wgsl`: four numbers in two's complement, upper and lower halves.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
+pub struct Fixed4 {
+    pub hi: [u32; 4],
+    pub lo: [u32; 4],
+}
+
+/// `Affine4` of `shaders/warp.wgsl`: `n.x * x + n.y * y + n.z * z + at`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
+pub struct Affine4 {
+    pub x: Fixed4,
+    pub y: Fixed4,
+    pub z: Fixed4,
+    pub at: Fixed4,
+}
+
+/// `Tet` of `shaders/warp.wgsl`: a tetrahedron in a brick of the output.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct WarpTet {
+    /// Not negative inside, each of the four with a scale of its own; by voxels relative to `lo`.
+    pub bary: Affine4,
+    /// Voxels of the input relative to `base`, with 44 bits behind the point; the fourth is unused.
+    pub rest: Affine4,
+    /// Added to `bary`, not negative where the voxel lies well within.
+    pub inner: Fixed4,
+    /// Its lowest voxel, in voxels of the brick.
+    pub lo: [u32; 3],
+    /// Factor of densities.
+    pub weight: f32,
+    /// Voxels along i, j, k.
+    pub size: [u32; 3],
+    pub pad0: u32,
+    pub base: [i32; 3],
+    pub pad1: u32,
+}
+
+/// `Warp` of `shaders/warp.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct WarpUniform {
+    /// Voxels of the brick along i, j, k; channels.
+    pub brick: [u32; 4],
+    /// First and number of what is worked off; workgroups along x; flags.
+    pub chunk: [u32; 4],
+    /// Voxels of the whole input along i, j, k; voxels that one thread samples.
+    pub input: [u32; 4],
+    /// Lowest cell of the texture; words that one thread writes.
+    pub first: [u32; 4],
+    /// One beyond its last cell; bits of a sample.
+    pub end: [u32; 4],
+    /// Smallest and largest stored value; the rest is unused.
+    pub range: [f32; 4],
+    /// Bits of the outside value; voxels of the brick; the rest is unused.
+    pub outside: [u32; 4],
+}
+
 /// Bytes from one row to the next when a texture is copied to a buffer.
 pub fn padded_row(width: u32, texel_bytes: u32) -> u32 {
     (width * texel_bytes).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)

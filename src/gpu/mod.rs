@@ -8,7 +8,7 @@
 //!
 //! Departures from the paper: opacity is pre-integrated; an iso-surface is found by depth test, nearest slice first, so that
 //! hidden fragments are not shaded; triangles in which nothing can be seen are left out before they are drawn ([`cull`]);
-//! export computes samples instead of drawing them ([`ResamplePass`]).
+//! export computes samples instead of drawing them ([`ResamplePass`], [`WarpPass`]).
 //!
 //! # Practice
 //!
@@ -30,9 +30,11 @@ pub mod shader;
 mod slicing;
 mod timing;
 mod volume;
+pub mod warp;
 
 pub use device::{Capabilities, Gpu, Preference};
 pub use error::GpuError;
 pub use renderer::Renderer;
 pub use resample::{ResampleError, ResampleJob, ResamplePass};
 pub use timing::Timings;
+pub use warp::{WarpGpuError, WarpLimits, WarpPass};

@@ -5,6 +5,8 @@
 
 use std::fmt::Write;
 
+use crate::warp::SNAP;
+
 const COMMON: &str = include_str!("../../shaders/common.wgsl");
 const FIELD: &str = include_str!("../../shaders/field.wgsl");
 const SHADE: &str = include_str!("../../shaders/shade.wgsl");
@@ -12,6 +14,9 @@ const DEFORM: &str = include_str!("../../shaders/deform.wgsl");
 const PLACE_MESH: &str = include_str!("../../shaders/place_mesh.wgsl");
 const PLACE_EXACT: &str = include_str!("../../shaders/place_exact.wgsl");
 const RESAMPLE: &str = include_str!("../../shaders/resample.wgsl");
+const WARP: &str = include_str!("../../shaders/warp.wgsl");
+const WARP_CLAIM: &str = include_str!("../../shaders/warp_claim.wgsl");
+const WARP_SAMPLE: &str = include_str!("../../shaders/warp_sample.wgsl");
 const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
 const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
 
@@ -95,4 +100,33 @@ pub fn resolve(mip: bool) -> String {
 /// The shader that resamples the deformed volume.
 pub fn resample() -> String {
     [DEFORM, RESAMPLE].concat()
+}
+
+/// What a texture's samples are read as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Texel {
+    Unsigned,
+    Signed,
+    Float,
+}
+
+impl Texel {
+    pub const ALL: [Self; 3] = [Self::Unsigned, Self::Signed, Self::Float];
+}
+
+/// The shader that finds the tetrahedron of each voxel.
+pub fn warp_claim() -> String {
+    [WARP, WARP_CLAIM].concat()
+}
+
+/// The shader that samples the input where the voxels come from.
+pub fn warp_sample(texel: Texel) -> String {
+    let scalar = match texel {
+        Texel::Unsigned => "u32",
+        Texel::Signed => "i32",
+        Texel::Float => "f32",
+    };
+    // with 44 bits behind the point
+    let snap = (SNAP * (1u64 << 44) as f64).round();
+    format!("alias Texel = {scalar};\nconst SNAP = {snap}u;\n{WARP}{WARP_SAMPLE}")
 }

@@ -143,6 +143,11 @@ impl<'a> Source<'a> {
         Ok(i64::from(if order == ByteOrder::Big { i32::from_be_bytes(b) } else { i32::from_le_bytes(b) }))
     }
 
+    /// Passes over this many.
+    fn ints(&mut self, count: u64) -> Result<(), String> {
+        (0..count).try_for_each(|_| self.int().map(|_| ()))
+    }
+
     /// A `size_t` of version 4.1.
     fn size(&mut self) -> Result<u64, String> {
         let Some(order) = self.binary else { return self.words.whole() };
@@ -236,8 +241,7 @@ impl File {
         self.solids.points.reserve(count);
         self.solids.ids.reserve(count);
         for _ in 0..count {
-            let id = s.int()?;
-            self.solids.ids.push(node_number(id)?);
+            self.solids.ids.push(node_number(s.int()?)?);
             self.solids.points.push(s.point()?);
         }
         Ok(())
@@ -295,8 +299,7 @@ impl File {
                 }
                 nodes.clear();
                 for _ in 0..number {
-                    let id = s.int()?;
-                    nodes.push(node_number(id)?);
+                    nodes.push(node_number(s.int()?)?);
                 }
                 if let Some(solid) = solid {
                     self.solids.cell(solid, &nodes);
@@ -340,19 +343,17 @@ impl File {
         s.begin_data();
         if partitioned {
             s.size()?;
-            for _ in 0..s.size()? {
-                (s.int()?, s.int()?);
-            }
+            let ghosts = s.size()?;
+            s.ints(ghosts.saturating_mul(2))?;
         }
         let counts = [s.size()?, s.size()?, s.size()?, s.size()?];
         for (dimension, count) in counts.into_iter().enumerate() {
             for _ in 0..count {
                 let tag = s.int()?;
                 if partitioned {
-                    (s.int()?, s.int()?);
-                    for _ in 0..s.size()? {
-                        s.int()?;
-                    }
+                    s.ints(2)?;
+                    let parts = s.size()?;
+                    s.ints(parts)?;
                 }
                 for _ in 0..if dimension == 0 { 1 } else { 2 } {
                     s.point()?;
@@ -363,9 +364,8 @@ impl File {
                         self.volumes.insert(tag as i32, group as i32);
                     }
                 }
-                for _ in 0..if dimension == 0 { 0 } else { s.size()? } {
-                    s.int()?;
-                }
+                let around = if dimension == 0 { 0 } else { s.size()? };
+                s.ints(around)?;
             }
         }
         Ok(())

@@ -68,8 +68,14 @@ impl Numbers {
     pub fn from_bytes(kind: Kind, mut bytes: Vec<u8>, order: ByteOrder) -> Self {
         let size = kind.bytes();
         bytes.truncate(bytes.len() / size * size);
-        if order != ByteOrder::NATIVE && size > 1 {
-            bytes.chunks_exact_mut(size).for_each(<[u8]>::reverse);
+        if order != ByteOrder::NATIVE {
+            // sizes that are known while compiling become single instructions
+            match size {
+                2 => bytes.as_chunks_mut::<2>().0.iter_mut().for_each(|b| b.reverse()),
+                4 => bytes.as_chunks_mut::<4>().0.iter_mut().for_each(|b| b.reverse()),
+                8 => bytes.as_chunks_mut::<8>().0.iter_mut().for_each(|b| b.reverse()),
+                _ => {}
+            }
         }
         Self { kind, bytes }
     }

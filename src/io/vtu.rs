@@ -120,10 +120,15 @@ impl Column {
 
     /// The data with the numbers before them, little endian.
     fn bytes(&self, compressed: bool) -> io::Result<Vec<u8>> {
-        let plain: Vec<u8> = match &self.data {
-            Data::Reals(list) => list.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::Ints(list) => list.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::Longs(list) => list.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        fn little<T: Copy, const N: usize>(list: &[T], bytes: fn(T) -> [u8; N]) -> Vec<u8> {
+            let mut out = vec![0; N * list.len()];
+            out.as_chunks_mut::<N>().0.iter_mut().zip(list).for_each(|(to, x)| *to = bytes(*x));
+            out
+        }
+        let plain = match &self.data {
+            Data::Reals(list) => little(list, f64::to_le_bytes),
+            Data::Ints(list) => little(list, i32::to_le_bytes),
+            Data::Longs(list) => little(list, i64::to_le_bytes),
             Data::Bytes(list) => list.clone(),
         };
         let mut out = Vec::new();

@@ -41,13 +41,27 @@ fn truncated<T: Real>(t: T) -> (T, T) {
 /// C1 everywhere, peak 1 at 0, zero with zero slope at -1 and 2.
 #[inline(always)]
 pub fn rise_and_fall<T: Real>(t: T) -> T {
-    bump(t.smaller(T::of(0.5) * t))
+    bump(stretched(t))
+}
+
+/// Where on [`bump`] the profile [`rise_and_fall`] is at `t`.
+#[inline(always)]
+pub fn stretched<T: Real>(t: T) -> T {
+    t.smaller(T::of(0.5) * t)
+}
+
+/// The least and the greatest value of [`bump`] between `lo` and `hi`.
+#[inline(always)]
+pub fn bump_range<T: Real>([lo, hi]: [T; 2]) -> [T; 2] {
+    let zero = T::default();
+    let nearest = lo.larger(zero) - hi.smaller(zero);
+    [bump(lo.magnitude().larger(hi.magnitude())), bump(nearest)]
 }
 
 /// [`rise_and_fall`] and its slope: at most 2 where it rises, at least -1 where it falls.
 #[inline(always)]
 pub fn rise_and_fall_with_slope<T: Real>(t: T) -> (T, T) {
-    let (value, slope) = bump_with_slope(t.smaller(T::of(0.5) * t));
+    let (value, slope) = bump_with_slope(stretched(t));
     (value, if t < T::default() { slope } else { T::of(0.5) * slope })
 }
 
@@ -146,6 +160,22 @@ mod tests {
             assert!((-1.0..=STEEPEST).contains(&slope));
         }
         assert!((bump_with_slope(-1.0 / 3.0).1 - STEEPEST).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_range_of_a_bump_is_that_of_its_samples() {
+        for a in -30..=30 {
+            for b in a..=30 {
+                let (lo, hi) = (f64::from(a) * 0.05, f64::from(b) * 0.05);
+                let samples = (0..=200).map(|i| bump(lo + (hi - lo) * f64::from(i) / 200.0));
+                let (least, most) = samples.fold((2.0, -1.0), |(l, m), v: f64| (v.min(l), v.max(m)));
+                let [low, high] = bump_range([lo, hi]);
+                // between the samples the bump rises by less than its curvature over half a step
+                let slack = CURVATURE * (hi - lo).powi(2) / 300_000.0 + 1e-15;
+                assert!(low <= least + 1e-15 && low > least - slack, "{lo} {hi}: {low} {least}");
+                assert!(high >= most - 1e-15 && high < most + slack, "{lo} {hi}: {high} {most}");
+            }
+        }
     }
 
     #[test]

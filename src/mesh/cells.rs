@@ -109,7 +109,8 @@ impl CellMesh {
         let tets = self.kinds.iter().map(|k| k.tets() as u64).sum::<u64>();
         // a level makes eight cells of one, and a cell adds fewer points than it has tetrahedra
         let most = (levels < 11).then(|| 1u64 << (3 * levels)).and_then(|n| n.checked_mul(tets));
-        if !most.and_then(|n| n.checked_add(self.points.len() as u64)).is_some_and(|n| n < u64::from(u32::MAX)) {
+        let indices = most.and_then(|n| n.checked_add(self.points.len() as u64));
+        if indices.is_none_or(|n| n >= u64::from(u32::MAX)) {
             return Err(CellError::TooMany);
         }
         let mut mesh = self;

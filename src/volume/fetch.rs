@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn halves_go_away_from_zero() {
         for n in 0..=65535u32 {
-            for (part, up) in [(0.0, 0), (0.25, 0), (0.499, 0), (0.5, 1), (0.501, 1), (0.75, 1)] {
+            for (part, up) in [(0.0, 0), (0.25, 0), (0.4375, 0), (0.5, 1), (0.5625, 1), (0.75, 1)] {
                 let v = n as f32 + part;
                 if n + up <= 65535 {
                     assert_eq!(u32::from(u16::narrow(v)), n + up, "{v}");

@@ -59,13 +59,13 @@ impl Statistics {
 }
 
 /// Statistics of stored values: every `step`th, from `first`.
-fn total<T: Scalar>(samples: &[T], step: usize, first: usize) -> Statistics {
+fn total<T: Summed>(samples: &[T], step: usize, first: usize) -> Statistics {
     let length = PIECE * step;
     let pieces = parallel::map(samples.len().div_ceil(length), &|i| {
         let piece = &samples[i * length..samples.len().min((i + 1) * length)];
         match step {
-            1 => part(piece),
-            _ => part(&piece[first..].iter().step_by(step).copied().collect::<Vec<T>>()),
+            1 => Part::of(piece),
+            _ => Part::of(&piece[first..].iter().step_by(step).copied().collect::<Vec<T>>()),
         }
     });
     let mut all = Part::default();
@@ -91,32 +91,81 @@ struct Part {
     nan: u64,
 }
 
-/// Values that are taken abreast, so that neither sums nor comparisons wait for each other.
-const LANES: usize = 16;
-
-fn part<T: Scalar>(values: &[T]) -> Part {
-    let is_number = |v: &T| v.partial_cmp(v).is_some();
-    let Some(&first) = values.iter().find(|v| is_number(v)) else {
-        return Part { nan: values.len() as u64, ..Part::default() };
-    };
-    let (mut lo, mut hi, mut sum, mut nan) = ([first; LANES], [first; LANES], [0.0; LANES], [0u32; LANES]);
-    let mut take = |lane: usize, v: T| {
-        // comparisons with a NaN are false
-        lo[lane] = if v < lo[lane] { v } else { lo[lane] };
-        hi[lane] = if v > hi[lane] { v } else { hi[lane] };
-        let number = is_number(&v);
-        sum[lane] += if number { v.to_f64() } else { 0.0 };
-        nan[lane] += u32::from(!number);
-    };
-    let abreast = values.chunks_exact(LANES);
-    abreast.remainder().iter().enumerate().for_each(|(lane, v)| take(lane, *v));
-    for row in abreast {
-        (0..LANES).for_each(|lane| take(lane, row[lane]));
+impl Part {
+    /// Of at most [`PIECE`] values.
+    fn of<T: Summed>(values: &[T]) -> Self {
+        pulp::Arch::new().dispatch(Take { values })
     }
-    let lo = lo.into_iter().fold(first, |a, b| if b < a { b } else { a });
-    let hi = hi.into_iter().fold(first, |a, b| if b > a { b } else { a });
-    let nan = nan.iter().map(|n| u64::from(*n)).sum();
-    Part { range: Some((lo.to_f64(), hi.to_f64())), sum: sum.iter().sum(), count: values.len() as u64 - nan, nan }
+}
+
+/// Samples with a type in which [`PIECE`] of them can be summed: whole numbers without rounding, and in vector units.
+trait Summed: Scalar {
+    type Sum: Copy + Default + std::ops::AddAssign + std::iter::Sum;
+    /// 0 for NaN.
+    fn summand(self) -> Self::Sum;
+    fn real(sum: Self::Sum) -> f64;
+}
+
+macro_rules! summed {
+    ($($t:ident $sum:ident $summand:expr;)*) => {$(
+        impl Summed for $t {
+            type Sum = $sum;
+            #[inline(always)]
+            fn summand(self) -> $sum { $summand(self) }
+            fn real(sum: $sum) -> f64 { sum as f64 }
+        }
+    )*};
+}
+
+summed! {
+    u8 i32 i32::from;
+    i8 i32 i32::from;
+    u16 i32 i32::from;
+    i16 i32 i32::from;
+    u32 i64 i64::from;
+    i32 i64 i64::from;
+    f32 f64 |v: f32| if v.is_nan() { 0.0 } else { f64::from(v) };
+    f64 f64 |v: f64| if v.is_nan() { 0.0 } else { v };
+}
+
+/// Values that are taken abreast, so that neither sums nor comparisons wait for each other. So many that the compiler keeps
+/// the loop over them, which is the one for vector units.
+const LANES: usize = 64;
+
+struct Take<'a, T> {
+    values: &'a [T],
+}
+
+impl<T: Summed> pulp::WithSimd for Take<'_, T> {
+    type Output = Part;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Part {
+        let values = self.values;
+        let is_number = |v: &T| v.partial_cmp(v).is_some();
+        let Some(&first) = values.iter().find(|v| is_number(v)) else {
+            return Part { nan: values.len() as u64, ..Part::default() };
+        };
+        let (mut lo, mut hi, mut sum, mut nan) =
+            ([first; LANES], [first; LANES], [T::Sum::default(); LANES], [0u32; LANES]);
+        let mut take = |lane: usize, v: T| {
+            // comparisons with a NaN are false
+            lo[lane] = if v < lo[lane] { v } else { lo[lane] };
+            hi[lane] = if v > hi[lane] { v } else { hi[lane] };
+            sum[lane] += v.summand();
+            nan[lane] += u32::from(!is_number(&v));
+        };
+        let (abreast, rest) = values.as_chunks::<LANES>();
+        rest.iter().enumerate().for_each(|(lane, v)| take(lane, *v));
+        for row in abreast {
+            (0..LANES).for_each(|lane| take(lane, row[lane]));
+        }
+        let lo = lo.into_iter().fold(first, |a, b| if b < a { b } else { a });
+        let hi = hi.into_iter().fold(first, |a, b| if b > a { b } else { a });
+        let nan = nan.iter().map(|n| u64::from(*n)).sum();
+        let sum = T::real(sum.into_iter().sum());
+        Part { range: Some((lo.to_f64(), hi.to_f64())), sum, count: values.len() as u64 - nan, nan }
+    }
 }
 
 /// How often values fall into bins of equal width.

@@ -11,7 +11,7 @@ use crate::math::parallel;
 /// The voxels that are tested against each tetrahedron.
 pub struct Candidates<'a> {
     tets: &'a [Tet],
-    pub(super) culling: Culling,
+    pub(crate) culling: Culling,
     /// Cells of all bounding boxes; with [`Culling::None`] they have the paper's 8 voxels along an edge.
     pub cells: u64,
     /// Those that were not culled.
@@ -55,7 +55,7 @@ impl<'a> Candidates<'a> {
     }
 
     /// Voxels that were tested, if `met` voxels were in a tetrahedron.
-    pub(super) fn tested(&self, met: u64) -> u64 {
+    pub(crate) fn tested(&self, met: u64) -> u64 {
         match self.culling {
             Culling::Exact => met,
             Culling::None => self.tets.iter().map(box_voxels).sum(),
@@ -86,7 +86,7 @@ impl<'a> Candidates<'a> {
                 let mut inside = (lo[0]..=hi[0]).filter(|x| t.contains([*x, y, z]));
                 if let Some(first) = inside.next() {
                     // a row meets a convex body in one piece
-                    run(y, first, inside.last().unwrap_or(first));
+                    run(y, first, inside.next_back().unwrap_or(first));
                 }
             }
         };

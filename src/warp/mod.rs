@@ -44,6 +44,7 @@ pub use setup::{AffineRow, TOLERANCE, Tet};
 
 use cells::Candidates;
 use raster::Slab;
+pub(crate) use row::SNAP;
 
 /// A voxel with all four barycentric coordinates above this in two tetrahedra is covered twice.
 pub const OVERLAP: f64 = 1e-7;

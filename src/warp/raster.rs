@@ -230,7 +230,7 @@ impl<T: Fetch> Canvas<'_, T> {
             }
             // zeros, also over many words
             let mut to = from + (word.trailing_zeros() as usize).min(64 - from % 64);
-            while to % 64 == 0 && to < count {
+            while to.is_multiple_of(64) && to < count {
                 let zeros = self.written[to / 64].trailing_zeros() as usize;
                 to += zeros;
                 if zeros < 64 {

@@ -44,6 +44,9 @@ impl Place {
 /// What lies no farther outside the first and last samples is drawn as if it lay on them.
 pub(super) const EDGE: f64 = 1e-6;
 
+/// What lies no farther from a voxel's centre or face is taken to be there.
+pub(crate) const SNAP: f64 = 1e-9;
+
 /// The input and how it is read.
 pub(super) struct Reader<'a, T> {
     input: Sampler<'a, T>,
@@ -98,11 +101,9 @@ impl<'a, T: Fetch> Reader<'a, T> {
         let (first, last) = if self.fast { self.interior(line, count) } else { (0, 0) };
         let mut missed = 0;
         for (i, value) in out.chunks_exact_mut(channels).enumerate() {
-            if i < first || i >= last {
-                if !self.single(line.at(i), line.weight, value) {
-                    value.fill(self.outside);
-                    missed += 1;
-                }
+            if (i < first || i >= last) && !self.single(line.at(i), line.weight, value) {
+                value.fill(self.outside);
+                missed += 1;
             }
         }
         (first..last, missed)
@@ -134,9 +135,10 @@ impl<'a, T: Fetch> Reader<'a, T> {
     }
 
     pub(super) fn single(&self, p: DVec3, weight: f64, value: &mut [T]) -> bool {
-        // what rounding moved off a whole voxel goes back, so that samples there are copied
-        let whole = p.round();
-        let p = if (p - whole).abs().max_element() < 1e-9 { whole } else { p };
+        // what rounding moved off a voxel's centre goes back, so that samples are copied, and so does what it moved off the
+        // face between two voxels or the edge of the input, so that not rounding decides which sample is the nearest
+        let near = (p * 2.0).round() * 0.5;
+        let p = DVec3::select((p - near).abs().cmplt(DVec3::splat(SNAP)), near, p);
         if self.density {
             let real = match self.interpolation {
                 Interpolation::Nearest => self

@@ -28,7 +28,7 @@ pub struct Tet {
     pub lo: [i32; 3],
     pub hi: [i32; 3],
     /// Bounds of the rest corners, in voxels of the input.
-    pub(super) rest_bounds: [DVec3; 2],
+    pub(crate) rest_bounds: [DVec3; 2],
     /// Determinant of the Jacobian of the deformation, world against world.
     pub jacobian: f64,
     /// The deformed corners, relative to the anchor.
@@ -125,7 +125,7 @@ impl Tet {
 
     /// First and last row (index along y) of layer `z` that may hold voxels of the tetrahedron.
     #[inline(always)]
-    pub(super) fn rows(&self, z: i32) -> (i32, i32) {
+    pub(crate) fn rows(&self, z: i32) -> (i32, i32) {
         let height = f64::from(z - self.anchor[2]);
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];

@@ -86,6 +86,12 @@ impl Counted {
 /// Samples this far beyond the volume are outside, however large their coordinates.
 const BEYOND: i64 = 1 << 16;
 
+/// Bytes of a cache line, on most machines.
+const LINE: usize = 64;
+
+/// Cache lines read ahead at most: they should fit a small second-level cache.
+const MOST_AHEAD: usize = 2048;
+
 /// Edges of larger volumes cannot be looked up here: coordinates must stay below 2^22.
 pub(super) const LARGEST_EDGE: usize = 1 << 21;
 
@@ -124,6 +130,32 @@ impl<'a, T: Fetch> Window<'a, T> {
         (0..3).any(|a| ends[a][1] < self.first[a] - 0.51 || ends[a][0] > self.last[a] + 0.51)
     }
 
+    /// Reads one sample of each cache line between these ends. The look-ups that follow would wait for the lines one by one;
+    /// here nothing depends on what is read, so that many are on their way at a time.
+    pub fn read_ahead(&self, ends: &[[f32; 2]; 3]) {
+        let dims = self.sampler.dims();
+        // within the volume; NaN becomes 0
+        let [x, y, z] = std::array::from_fn(|a| {
+            let voxel = |at: f32| ((at - self.first[a]) as usize).min(dims[a] - 1);
+            let first = voxel(ends[a][0]);
+            (first, voxel(ends[a][1] + 1.0).max(first))
+        });
+        let line = LINE / size_of::<T>();
+        let lines = ((x.1 - x.0) * self.stride[0] / line + 1) * (y.1 - y.0 + 1) * (z.1 - z.0 + 1);
+        if lines > MOST_AHEAD {
+            return;
+        }
+        let mut zeros = 0usize;
+        for k in z.0..=z.1 {
+            for j in y.0..=y.1 {
+                let row = (k * dims[1] + j) * dims[0];
+                let row = &self.sampler.samples()[(row + x.0) * self.stride[0]..(row + x.1 + 1) * self.stride[0]];
+                zeros += row.iter().step_by(line).map(|v| usize::from(*v == T::zeroed())).sum::<usize>();
+            }
+        }
+        std::hint::black_box(zeros);
+    }
+
     /// Trilinear samples at the relative coordinates `at` into `out` (channels interleaved); `outside` beyond the texture
     /// cube. Returns how many of the counted points were outside; `contained` promises that none is.
     pub fn linear(
@@ -148,19 +180,22 @@ impl<'a, T: Fetch> Window<'a, T> {
         let line = |at: usize| &samples[at..][..count];
         let (s00, s10, s01, s11) = (line(0), line(sy), line(sz), line(sy + sz));
         let [p00, p10, p01, p11] = pair;
-        for l in 0..BLOCK {
-            let at = lowest(l);
-            if sx == 1 {
-                // two samples at a time
-                p00[l].copy_from_slice(&s00[at..at + 2]);
-                p10[l].copy_from_slice(&s10[at..at + 2]);
-                p01[l].copy_from_slice(&s01[at..at + 2]);
-                p11[l].copy_from_slice(&s11[at..at + 2]);
-            } else {
-                p00[l] = [s00[at], s00[at + sx]];
-                p10[l] = [s10[at], s10[at + sx]];
-                p01[l] = [s01[at], s01[at + sx]];
-                p11[l] = [s11[at], s11[at + sx]];
+        // unrolled by hand: the compiler leaves a loop that may panic as it is
+        for four in (0..BLOCK).step_by(4) {
+            for l in four..four + 4 {
+                let at = lowest(l);
+                if sx == 1 {
+                    // two samples at a time
+                    p00[l].copy_from_slice(&s00[at..at + 2]);
+                    p10[l].copy_from_slice(&s10[at..at + 2]);
+                    p01[l].copy_from_slice(&s01[at..at + 2]);
+                    p11[l].copy_from_slice(&s11[at..at + 2]);
+                } else {
+                    p00[l] = [s00[at], s00[at + sx]];
+                    p10[l] = [s10[at], s10[at + sx]];
+                    p01[l] = [s01[at], s01[at + sx]];
+                    p11[l] = [s11[at], s11[at + sx]];
+                }
             }
         }
     }

@@ -11,9 +11,12 @@
 //! [`Precision::Reference`] does exactly this for every voxel. [`Precision::Fast`] gives the same up to a stated error:
 //!
 //! * blocks that no support box of the map touches are copied (or, between different lattices, sampled along straight rows);
-//! * elsewhere the displacement of the map, which is smooth, is evaluated at some points of a block and interpolated if it
-//!   is within 1/1000 of a voxel there (see `shift.rs`);
-//! * coordinates are `f32` relative to the block, good to 1e-5 of a voxel, and rows are looked up by vector code (`kernel.rs`).
+//! * a map that can be written in voxel coordinates, as a stack of deformers can, is evaluated there at every voxel in `f32`
+//!   relative to the block, good to 1e-5 of a voxel; bounds of the displacement over a layer of a block leave out the
+//!   deformers that do not act on it, and say whether it comes from within the volume;
+//! * of other maps, which are smooth, the displacement is evaluated at some points of a block and interpolated if it is within
+//!   1/1000 of a voxel there (see `shift.rs`);
+//! * samples are looked up by vector code (`kernel.rs`).
 //!
 //! # Practice
 //!

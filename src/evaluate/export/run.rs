@@ -404,6 +404,11 @@ impl<T: Fetch> Job<'_, T> {
         let step = steps.x_axis.as_vec3().to_array();
         let counted = Counted { rows: block.size[1], points: block.size[0] };
         let blocks = counted.rows.div_ceil(ROWS);
+        if let Way::Near(near) = way {
+            let (lo, hi) = self.undisplaced_bounds(block);
+            let (lo, hi) = ((lo - base).as_vec3(), (hi - base).as_vec3());
+            window.read_ahead(&near.acting(std::array::from_fn(|a| [lo[a], hi[a]]), &mut work.acting));
+        }
         for k in 0..block.size[2] {
             // beyond the last row, the last row again
             let start: [[f32; 3]; EDGE] = std::array::from_fn(|j| {
