@@ -162,7 +162,7 @@ fn what_is_sound_passes_with_its_facts() {
     assert_eq!((t.none, t.once, t.more, t.enclosed, t.degenerate), (0, volume.grid.len() as u64, 0, 0, 0));
     assert_eq!(c.jacobian.samples, mesh.tets.len() as u64);
     let (min, max) = (c.jacobian.min.unwrap(), c.jacobian.max.unwrap());
-    assert!(min > exact.min.unwrap() - 0.02 && max < exact.max.unwrap() + 0.05, "{min} {max} {exact:?}");
+    assert!(min > exact.min.unwrap() - 0.05 && max < exact.max.unwrap() + 0.2, "{min} {max} {exact:?}");
     // against the exact forward map the inverse is off by about the tolerance, against its own not at all
     assert!(c.inverse.max > 0.01 && c.inverse.max < 0.3 && c.inverse.mean < 0.1, "{:?}", c.inverse);
     let own = of(None).inverse;
@@ -250,7 +250,8 @@ fn a_clipped_export_is_found() {
     says(&c, "beyond the grid");
     assert!(c.material_clipped > 100);
     let (output, kept) = mapped(&input, &map, &ExportOptions::default());
-    assert!(kept.sound && kept.material_clipped == 0 && output.grid.dims[0] > input.grid.dims[0]);
+    assert!(kept.sound && kept.material_clipped == 0, "{:?}", kept.faults);
+    assert!(output.grid.dims[0] > input.grid.dims[0]);
     // the lattice of the larger grid, warped onto the smaller: it loses the same voxels, but for those at the very surface
     let mesh = Mesh::of(&map, &input.grid, &output.grid, 0.1);
     let cut = mesh.warped(&input, &input.grid, &WarpOptions::default());

@@ -8,11 +8,11 @@ use voxclay::evaluate::export::{ExportOptions, Precision, export, unwatched};
 use voxclay::evaluate::load::{Object, load};
 use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use voxclay::evaluate::tets;
-use voxclay::render::{max_difference, psnr};
+use voxclay::render::psnr;
 use voxclay::scene::{Document, ProxySource, VolumeSource};
 
 fn object(shaped: bool) -> (Document, Object) {
-    let mut document = Document::new(VolumeSource::Phantom { name: "sphere".into(), size: 48 });
+    let mut document = Document::new(VolumeSource::Phantom { name: "orange".into(), size: 48 });
     document.proxy = if shaped { ProxySource::Auto { iso: None } } else { ProxySource::Box };
     let rest = load(&document, Path::new("")).unwrap();
     let (center, radius) = rest.focus;
@@ -83,7 +83,7 @@ fn lattices_of_the_default_tolerance_agree_inside_to_a_grey() {
     for pair in &c.pairs {
         let inside = pair.volume.unwrap().interior;
         assert!(inside.voxels > 50_000 && inside.rms < STEP && inside.max < 0.05, "{inside:?}");
-        assert!(inside.above < 0.05 && inside.rms <= inside.max);
+        assert!(inside.above < 0.1 && inside.rms <= inside.max, "{inside:?}");
     }
     // the fast export is right to 1/1000 voxel
     assert!(c.pairs[0].volume.unwrap().interior.max < STEP);
@@ -142,11 +142,11 @@ fn what_went_through_a_lattice_is_drawn_and_exported_like_the_rest() {
         let (warped, report) = draw(Mode::Tets, Refinement::Tolerance(0.1));
         let tets = report.tets.unwrap();
         assert!(tets.lattice.converged && tets.lattice.max_error <= 0.1 && report.ms_total > tets.ms_warp);
-        assert!(psnr(&exact, &warped) > 35.0, "{}", psnr(&exact, &warped));
+        assert!(psnr(&exact, &warped) > 28.0, "{}", psnr(&exact, &warped));
         // and it is not the picture of what is not deformed
         let (flat, _) =
             renderer.picture(&tets::undeformed(&object, (*object.volume).clone()), &camera, &look, &view()).unwrap();
-        assert!(max_difference(&flat, &warped) > 30);
+        assert!(psnr(&flat, &warped) < psnr(&exact, &warped) - 8.0, "{}", psnr(&flat, &warped));
 
         let options = ExportOptions::default();
         let made = tets::resample(&object, &options, Refinement::Tolerance(0.1)).unwrap();

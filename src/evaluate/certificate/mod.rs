@@ -144,8 +144,8 @@ pub struct Certificate {
     pub values_clipped: u64,
     /// Voxels of the output's lattice beyond the output in which the deformed volume has another value than the outside.
     pub material_clipped: u64,
-    /// Of scalar volumes of integers with few values, and wherever the interpolation is to keep values (unless there are
-    /// more than a million).
+    /// Of scalar volumes of integers with few values (64) in patches, and wherever the interpolation is to keep values
+    /// (unless there are more than a million).
     pub labels: Option<Labels>,
     pub mass: Mass,
 }

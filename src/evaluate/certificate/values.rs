@@ -5,8 +5,9 @@ use std::collections::HashSet;
 use crate::volume::{Samples, Scalar, ScalarType, Volume};
 use crate::with_samples;
 
-/// A volume with no more values than this is taken for labels.
+/// A volume of integers with no more values than this, most of which are those of their neighbours, is taken for labels.
 const FEW: usize = 64;
+const EQUAL: f64 = 0.8;
 /// More different values are not gathered.
 const MOST: usize = 1 << 20;
 
@@ -44,8 +45,18 @@ impl Values {
 
     /// Whether the volume they are from looks like labels.
     pub fn are_labels(&self, volume: &Volume) -> bool {
+        fn equal<T: Scalar>(samples: &[T], dims: [usize; 3]) -> f64 {
+            let [nx, ny, _] = dims;
+            let pairs = |step: usize| samples.iter().zip(samples.iter().skip(step));
+            let (mut same, mut all) = (0, 0);
+            for step in [1, nx, nx * ny] {
+                same += pairs(step).filter(|(a, b)| a == b).count();
+                all += pairs(step).len();
+            }
+            same as f64 / all.max(1) as f64
+        }
         let whole = !matches!(volume.samples.scalar_type(), ScalarType::F32 | ScalarType::F64);
-        whole && self.len() <= FEW
+        whole && self.len() <= FEW && with_samples!(&volume.samples, v => equal(v, volume.grid.dims)) >= EQUAL
     }
 
     /// Those that `other` does not have, in rising order.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::deform::Prepared;
 use crate::math::{BackwardMap, parallel};
 use crate::render::SliceGeometry;
-use crate::volume::{Grid, Volume};
+use crate::volume::{Grid, ScalarType, Volume};
 
 /// The distance between the coordinate that a mode samples and the exact one, in voxels of the input.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +70,8 @@ pub struct Interior {
     /// Root mean square and largest difference, as parts of the range of the input.
     pub rms: f64,
     pub max: f64,
-    /// Part of the voxels that differ by more than 1/255 of the range.
+    /// Part of the voxels that differ by more than 1/255 of the range (of integers, and by more than the one that rounding
+    /// makes).
     pub above: f64,
 }
 
@@ -83,6 +84,11 @@ pub fn interior(a: &Volume, b: &Volume, map: &Prepared, input: &Grid, range: f64
     let to_voxel = input.voxel_from_world();
     let last = input.size() - 1.5;
     let slope = a.rescale.slope.abs() / range;
+    let rounding = match a.samples.scalar_type() {
+        ScalarType::F32 | ScalarType::F64 => 0.0,
+        _ => slope * (1.0 + 1e-9),
+    };
+    let limit = STEP.max(rounding);
     let layers = parallel::map(nz, &|k| {
         let (mut voxels, mut sum, mut max, mut above) = (0u64, 0.0, 0.0f64, 0u64);
         for j in 0..ny {
@@ -98,7 +104,7 @@ pub fn interior(a: &Volume, b: &Volume, map: &Prepared, input: &Grid, range: f64
                 voxels += 1;
                 sum += d * d;
                 max = max.max(d);
-                above += u64::from(d > STEP);
+                above += u64::from(d > limit);
             }
         }
         (voxels, sum, max, above)
