@@ -207,7 +207,8 @@ fn through_tets(args: &Args, object: &load::Object, options: &ExportOptions, tol
                 fills: true,
                 exact: Some(&map),
             };
-            Some(certificate::of_tets(&subject(object, options, &made.volume, made.outside), &field)?)
+            let subject = subject(object, options, &made.volume, made.outside);
+            Some(certificate::of_lattice(&subject, &field, &object.stack.prepared())?)
         }
         None => None,
     };

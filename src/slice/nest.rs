@@ -87,13 +87,11 @@ impl Slices {
             if loops[i].depth.is_multiple_of(2) != (loops[i].area > 0.0) {
                 self.settle(k, i, loops);
             }
-            let depth = loops[i].depth;
-            if depth.is_multiple_of(2) {
-                self.owner[l] = l as u32;
-            } else if let Some(p) = loops[i].parent {
-                self.owner[l] = loops[p as usize].index;
-            }
-            if depth.is_multiple_of(2) != (self.area[l] > 0.0) {
+            // where loops cross, the smallest one around a hole may be a hole itself: both belong to the same outer loop then
+            let around = loops[i].parent.map(|p| self.owner[loops[p as usize].index as usize]);
+            let owner = around.filter(|o| *o != Self::NONE && !loops[i].depth.is_multiple_of(2));
+            self.owner[l] = owner.unwrap_or(l as u32);
+            if owner.is_some() == (self.area[l] > 0.0) {
                 self.turn(l, k);
             }
         }

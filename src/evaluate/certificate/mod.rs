@@ -252,6 +252,19 @@ pub fn of_tets(subject: &Subject, field: &TetField) -> Result<Certificate, Certi
     Ok(certificate(subject, tally, labels, jacobian, Some((coverage, field.fills))))
 }
 
+/// The certificate of a volume that was warped through the lattice that a backward map became. The lattice ends with the grid:
+/// what lies beyond it is known from the map.
+///
+/// # Errors
+/// As [`of_tets`].
+pub fn of_lattice(subject: &Subject, field: &TetField, map: &Prepared) -> Result<Certificate, CertificateError> {
+    let mut made = of_tets(subject, field)?;
+    made.material_clipped = of_map(subject, map)?.material_clipped;
+    made.faults = made.found(field.fills);
+    made.sound = made.faults.is_empty();
+    Ok(made)
+}
+
 fn audit(subject: &Subject, view: &View, layers: &dyn Layers) -> Result<(Tally, Option<Labels>), CertificateError> {
     let Subject { input, output, interpolation, density, .. } = *subject;
     if input.channels != output.channels {
