@@ -7,7 +7,7 @@
 //! second goes through the voxels in their order and samples the input where the owner takes them, so that it reads and
 //! writes neighbours together, whatever the mesh.
 //!
-//! Which voxels are looked at is the caller's choice ([`Culling`]): all of the bounding boxes (section 3), those of the cells
+//! Which voxels are looked at is the caller's choice ([`crate::warp::Culling`]): all of the bounding boxes (section 3), those of the cells
 //! that the masks leave (section 4; the tables are made on the CPU in parallel, as in the paper), or none: a thread a row
 //! solves for the interval in which all coordinates are positive, and what it finds is written.
 //!
