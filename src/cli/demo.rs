@@ -67,7 +67,7 @@ pub fn run(args: &Args) -> Result<Answer> {
     let volume = job.path("head-sculpted.nrrd");
     io::write_volume(&volume, &exported.volume, &io::WriteOptions::default())?;
     let project = job.path("head.voxclay");
-    scene::write_project(&project, &document)?;
+    scene::write_project(&project, &document, &scene::Kept::default())?;
 
     let report = report(&notes, &metrics, &exported);
     let path = job.path("report.md");

@@ -83,7 +83,8 @@ impl Scale {
         (1.0 + v).log2() / f64::from(self.powers)
     }
 
-    fn color(self, v: u8) -> [u8; 4] {
+    /// The colour of a difference.
+    pub fn color(self, v: u8) -> [u8; 4] {
         let [r, g, b] = inferno(self.place(v.into()));
         [r, g, b, 255]
     }

@@ -10,7 +10,7 @@ use crate::io;
 use crate::mesh::check::slicing_defects;
 use crate::mesh::{self, Topology, TriMesh};
 use crate::render::{Camera, Field, TexelSlice};
-use crate::scene::{CameraSpec, Document, Placement, ProxySource, VolumeSource};
+use crate::scene::{CameraSpec, Document, Placement, ProxySource, VolumeSource, read_embedded};
 use crate::volume::phantom::Phantom;
 use crate::volume::pyramid::BLOCK;
 use crate::volume::statistics::{Histogram, histogram};
@@ -37,12 +37,160 @@ pub struct Object {
     pub focus: (DVec3, f64),
     /// The proxy mesh in the world, moved by the shape tools.
     pub mesh: TriMesh,
-    pub topology: Topology,
+    pub topology: Arc<Topology>,
     /// Whether the mesh is more than the volume's box.
     pub shaped: bool,
     pub stack: Stack,
     /// Plain sentences for the user.
     pub warnings: Vec<String>,
+}
+
+/// What depends on nothing but the volume.
+#[derive(Debug, Clone)]
+pub struct Data {
+    pub volume: Arc<Volume>,
+    /// The samples as renderers read them.
+    pub field: Field,
+    /// Of the channel that carries the opacity: the only one, or the last.
+    pub histogram: Histogram,
+    /// A real value that separates object from surroundings.
+    pub iso: f64,
+    /// Centre and radius, in the world, of a ball around what stands out from the surroundings.
+    pub focus: (DVec3, f64),
+}
+
+impl Data {
+    /// Reads or makes a volume and prepares it.
+    ///
+    /// # Errors
+    /// As [`read_source`].
+    pub fn read(source: &VolumeSource, base: &Path) -> Result<Self, EvaluateError> {
+        Ok(Self::new(read_source(source, base)?, phantom(source).map(|p| p.suggested().iso)))
+    }
+
+    /// Prepares a volume; the isovalue is found in the histogram where none is given.
+    pub fn new(volume: Volume, iso: Option<f64>) -> Self {
+        let volume = Arc::new(volume);
+        let field = Field::from_volume(Arc::clone(&volume));
+        let [lo, hi] = field.range;
+        let histogram = histogram(&volume, volume.channels - 1, lo, hi, HISTOGRAM_BINS);
+        let iso = iso.unwrap_or_else(|| threshold(&histogram));
+        let focus = focus(&field, iso);
+        Self { volume, field, histogram, iso, focus }
+    }
+}
+
+/// What was read and made for a document, kept from change to change: a stroke reads nothing and makes no mesh again.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    base: PathBuf,
+    data: Option<(VolumeSource, Arc<Data>)>,
+    /// The undeformed mesh where it is more than a box, and what it was made for.
+    shape: Option<(ProxySource, Shape)>,
+}
+
+#[derive(Debug, Clone)]
+struct Shape {
+    mesh: Arc<TriMesh>,
+    topology: Arc<Topology>,
+    warnings: Vec<String>,
+}
+
+impl Workspace {
+    /// Relative paths of documents start at `base`.
+    pub fn new(base: &Path) -> Self {
+        Self { base: base.to_owned(), ..Self::default() }
+    }
+
+    /// With a volume that was read before.
+    pub fn with_data(base: &Path, source: VolumeSource, data: Arc<Data>) -> Self {
+        Self { base: base.to_owned(), data: Some((source, data)), shape: None }
+    }
+
+    /// The volume of a document; read if it is another one than last time.
+    ///
+    /// # Errors
+    /// As [`read_source`].
+    pub fn data(&mut self, source: &VolumeSource) -> Result<Arc<Data>, EvaluateError> {
+        if let Some((known, data)) = &self.data
+            && known == source
+        {
+            return Ok(data.clone());
+        }
+        // before the new one, or both would be held at once
+        self.data = None;
+        self.shape = None;
+        let data = Arc::new(Data::read(source, &self.base)?);
+        self.data = Some((source.clone(), data.clone()));
+        Ok(data)
+    }
+
+    /// Everything a document refers to.
+    ///
+    /// # Errors
+    /// If a file is missing or wrong, a name is unknown, or the shape tools fold the mesh.
+    pub fn object(&mut self, document: &Document) -> Result<Object, EvaluateError> {
+        let data = self.data(&document.volume)?;
+        let Data { volume, field, histogram, iso, focus } = &*data;
+        let transfer = match &document.transfer_function {
+            Some(own) => own.clone(),
+            None => transfer(&document.transfer, &self.base, field.range, &histogram.counts)?,
+        };
+        let window = transfer.resolve(field.range);
+        let mut warnings = Vec::new();
+        let stack = unfolded(document, &mut warnings);
+        let (mesh, topology) = self.proxy(document, &stack, volume, *iso, &mut warnings)?;
+        let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
+        Ok(Object {
+            volume: volume.clone(),
+            field: field.clone(),
+            transfer,
+            window,
+            iso: *iso,
+            focus: *focus,
+            mesh,
+            topology,
+            shaped,
+            stack,
+            warnings,
+        })
+    }
+
+    /// The proxy mesh in the world, placed and moved by the shape tools.
+    fn proxy(
+        &mut self,
+        document: &Document,
+        stack: &Stack,
+        volume: &Volume,
+        iso: f64,
+        warnings: &mut Vec<String>,
+    ) -> Result<(TriMesh, Arc<Topology>), EvaluateError> {
+        if document.proxy == ProxySource::Box {
+            // a box that holds the volume must also hold what was pulled out of it
+            let mesh = placed(&grown_box(&volume.grid, stack), &document.placement)?;
+            let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
+            return Ok((mesh, Arc::new(topology)));
+        }
+        let shape = match &self.shape {
+            Some((known, shape)) if *known == document.proxy => shape.clone(),
+            _ => {
+                let shape = shape(&document.proxy, &self.base, volume, iso)?;
+                self.shape = Some((document.proxy.clone(), shape.clone()));
+                shape
+            }
+        };
+        warnings.extend_from_slice(&shape.warnings);
+        let placed = placed(&shape.mesh, &document.placement)?;
+        let mesh = if matches!(document.proxy, ProxySource::Auto { .. }) {
+            // the hull was made for the volume at rest, so it follows everything that moves
+            let mut all = stack.clone();
+            all.items.iter_mut().for_each(|i| i.moves_shape = true);
+            all.move_mesh(&placed)?
+        } else {
+            stack.move_mesh(&placed)?
+        };
+        Ok((mesh, shape.topology))
+    }
 }
 
 /// Reads a volume file, or makes the phantom a name such as `phantom:head` or `phantom:head:192` stands for.
@@ -52,6 +200,7 @@ pub struct Object {
 pub fn read_source(source: &VolumeSource, base: &Path) -> Result<Volume, EvaluateError> {
     match source {
         VolumeSource::File(path) => Ok(io::read_volume(&base.join(path))?),
+        VolumeSource::Embedded(project) => Ok(read_embedded(&base.join(project))?),
         VolumeSource::Phantom { name, size } => {
             let phantom = Phantom::from_name(name).ok_or_else(|| EvaluateError::NoSuchPhantom(name.clone()))?;
             if !(1..=2048).contains(size) {
@@ -92,24 +241,7 @@ pub fn suggest(document: &mut Document) {
 /// # Errors
 /// If a file is missing or wrong, a name is unknown, or the shape tools fold the mesh.
 pub fn load(document: &Document, base: &Path) -> Result<Object, EvaluateError> {
-    let volume = Arc::new(read_source(&document.volume, base)?);
-    let field = Field::from_volume(Arc::clone(&volume));
-    let [lo, hi] = field.range;
-    // of the channel that carries the opacity: the only one, or the last
-    let histogram = histogram(&volume, volume.channels - 1, lo, hi, HISTOGRAM_BINS);
-    let iso = match phantom(&document.volume) {
-        Some(p) => p.suggested().iso,
-        None => threshold(&histogram),
-    };
-    let transfer = transfer(&document.transfer, base, field.range, &histogram.counts)?;
-    let window = transfer.resolve(field.range);
-    let mut warnings = Vec::new();
-    let stack = unfolded(document, &mut warnings);
-    let mesh = proxy(document, &stack, base, &volume, iso, &mut warnings)?;
-    let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
-    let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
-    let focus = focus(&field, iso);
-    Ok(Object { focus, volume, field, transfer, window, iso, mesh, topology, shaped, stack, warnings })
+    Workspace::new(base).object(document)
 }
 
 impl Object {
@@ -170,7 +302,7 @@ fn unfolded(document: &Document, warnings: &mut Vec<String>) -> Stack {
 fn phantom(source: &VolumeSource) -> Option<Phantom> {
     match source {
         VolumeSource::Phantom { name, .. } => Phantom::from_name(name),
-        VolumeSource::File(_) => None,
+        VolumeSource::File(_) | VolumeSource::Embedded(_) => None,
     }
 }
 
@@ -210,42 +342,24 @@ fn transfer(name: &str, base: &Path, range: [f64; 2], counts: &[u64]) -> Result<
     TransferFunction::parse(&text).map_err(|source| EvaluateError::Transfer { path, source })
 }
 
-/// The proxy mesh in the world, placed and moved by the shape tools.
-fn proxy(
-    document: &Document,
-    stack: &Stack,
-    base: &Path,
-    volume: &Volume,
-    iso: f64,
-    warnings: &mut Vec<String>,
-) -> Result<TriMesh, EvaluateError> {
-    let grid = &volume.grid;
-    let placed = |mesh: TriMesh| -> Result<TriMesh, EvaluateError> {
-        let s = document.placement.scale;
-        if let Some(flat) = s.to_array().into_iter().find(|f| !f.is_finite() || *f == 0.0) {
-            return Err(EvaluateError::FlatPlacement(flat));
+/// A mesh put where the document says.
+fn placed(mesh: &TriMesh, placement: &Placement) -> Result<TriMesh, EvaluateError> {
+    let s = placement.scale;
+    if let Some(flat) = s.to_array().into_iter().find(|f| !f.is_finite() || *f == 0.0) {
+        return Err(EvaluateError::FlatPlacement(flat));
+    }
+    Ok(match mesh.bounds() {
+        Some((lo, hi)) if *placement != Placement::default() => {
+            mesh.transformed(&placement.world_from_mesh(0.5 * (lo + hi)))
         }
-        let Some((lo, hi)) = mesh.bounds() else { return Ok(mesh) };
-        Ok(mesh.transformed(&document.placement.world_from_mesh(0.5 * (lo + hi))))
-    };
-    match &document.proxy {
-        // a box that holds the volume must also hold what was pulled out of it
-        ProxySource::Box => placed(grown_box(grid, stack)),
-        ProxySource::Auto { iso: given } => {
-            let iso = given.unwrap_or(iso);
-            let stored = volume.rescale;
-            let channel = volume.channels - 1;
-            let hull = with_samples!(&volume.samples, samples => mesh::proxy::enclose(
-                grid.dims,
-                &grid.world_from_voxel,
-                |i| stored.real(samples[i * volume.channels + channel].to_f64()) >= iso,
-                &mesh::proxy::ProxyOptions::default(),
-            ))?;
-            // the hull was made for the volume at rest, so it follows everything that moves
-            let mut all = stack.clone();
-            all.items.iter_mut().for_each(|i| i.moves_shape = true);
-            Ok(all.move_mesh(&placed(hull)?)?)
-        }
+        _ => mesh.clone(),
+    })
+}
+
+/// A proxy mesh as it was made or read.
+fn shape(source: &ProxySource, base: &Path, volume: &Volume, iso: f64) -> Result<Shape, EvaluateError> {
+    let mut warnings = Vec::new();
+    let mesh = match source {
         ProxySource::Mesh(path) => {
             let path = base.join(path);
             // seams between equal positions are not holes
@@ -256,9 +370,23 @@ fn proxy(
             for defect in slicing_defects(&mesh) {
                 warnings.push(format!("{}: {defect}", path.display()));
             }
-            Ok(stack.move_mesh(&placed(mesh)?)?)
+            mesh
         }
-    }
+        ProxySource::Auto { iso: given } => {
+            let iso = given.unwrap_or(iso);
+            let stored = volume.rescale;
+            let channel = volume.channels - 1;
+            with_samples!(&volume.samples, samples => mesh::proxy::enclose(
+                volume.grid.dims,
+                &volume.grid.world_from_voxel,
+                |i| stored.real(samples[i * volume.channels + channel].to_f64()) >= iso,
+                &mesh::proxy::ProxyOptions::default(),
+            ))?
+        }
+        ProxySource::Box => grown_box(&volume.grid, &Stack::default()),
+    };
+    let topology = Arc::new(Topology::build(mesh.positions.len(), &mesh.triangles));
+    Ok(Shape { mesh: Arc::new(mesh), topology, warnings })
 }
 
 /// The box of the texture cube along the voxel axes, grown to hold what the stack pulls out of it.

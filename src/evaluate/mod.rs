@@ -1,7 +1,7 @@
 //! L4: from the document to what is derived from it, on the CPU or the GPU.
 //!
 //! [`load::load`] brings a document's data into memory, [`geometry`] makes slices of it for a view, [`picture`] draws them,
-//! and [`resample`] exports the deformed volume, [`tets`] does both through a lattice of tetrahedra. [`certificate`] says what
+//! [`pick`] finds what a ray meets, and [`resample`] exports the deformed volume, [`tets`] does both through a lattice of tetrahedra. [`certificate`] says what
 //! an export is worth, [`compare`] what each mode is.
 
 pub mod certificate;
@@ -12,8 +12,10 @@ pub mod export;
 pub mod geometry;
 pub mod load;
 mod mask;
+pub mod pick;
 pub mod picture;
 pub mod resample;
+pub mod section;
 pub mod tets;
 
 pub use error::EvaluateError;
@@ -31,7 +33,7 @@ pub fn open(word: &str) -> Result<(Document, PathBuf), EvaluateError> {
     let path = Path::new(word);
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("voxclay")) {
         let base = path.parent().map(Path::to_path_buf).unwrap_or_default();
-        return Ok((scene::read_project(path)?, base));
+        return Ok((scene::read_project(path)?.document, base));
     }
     let source = load::parse_source(word)?;
     let mut document = Document::new(source);

@@ -120,17 +120,47 @@ impl Renderer {
         look: &Look,
         options: &ViewOptions,
     ) -> Result<(Picture, PictureReport), EvaluateError> {
+        // nothing stops it, so there is a picture
+        self.picture_until(object, camera, look, options, &|| false)?.ok_or(EvaluateError::View)
+    }
+
+    /// What draws.
+    pub fn device(&self) -> String {
+        match &self.gpu {
+            Some(gpu) => gpu.gpu().name(),
+            None => format!("cpu, {} threads", rayon::current_num_threads()),
+        }
+    }
+
+    /// As [`Renderer::picture`], given up soon after `stop` says so: then there is none.
+    ///
+    /// # Errors
+    /// If the view is degenerate or the GPU fails.
+    pub fn picture_until(
+        &mut self,
+        object: &Object,
+        camera: &Camera,
+        look: &Look,
+        options: &ViewOptions,
+        stop: render::Stop<'_>,
+    ) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
         let started = Instant::now();
         if options.mode == Mode::Tets {
             let warped = tets::warped(object, options.refinement)?;
             let drawn = ViewOptions { mode: Mode::Slicing, ..*options };
-            let (picture, report) = self.picture(&warped.object, camera, look, &drawn)?;
+            let Some((picture, report)) = self.picture_until(&warped.object, camera, look, &drawn, stop)? else {
+                return Ok(None);
+            };
             let tets::Warped { report: lattice, ms_lattice, ms_warp, .. } = warped;
             let tets = Some(TetsReport { lattice, ms_lattice, ms_warp });
-            return Ok((picture, PictureReport { tets, ms_total: started.elapsed().as_secs_f64() * 1e3, ..report }));
+            let ms_total = started.elapsed().as_secs_f64() * 1e3;
+            return Ok(Some((picture, PictureReport { tets, ms_total, ..report })));
         }
         let geometry = Arc::new(geometry::slices(object, camera, &geometry_options(options))?);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
+        if stop() {
+            return Ok(None);
+        }
         let drawing = Instant::now();
         let look = Look { transparent: options.transparent, ..*look };
         let (width, height) = options.size;
@@ -151,7 +181,10 @@ impl Renderer {
                     map: &prepared,
                     texture_from_world: object.field.grid.texture_from_world(),
                 });
-                (render::render(&geometry, &object.field, &table, &frame, exact), None)
+                match render::render_until(&geometry, &object.field, &table, &frame, exact, stop) {
+                    Some(picture) => (picture, None),
+                    None => return Ok(None),
+                }
             }
         };
         let report = PictureReport {
@@ -160,14 +193,11 @@ impl Renderer {
             fragments,
             tets: None,
             backend: if self.gpu.is_some() { "gpu" } else { "cpu" },
-            device: match &self.gpu {
-                Some(gpu) => gpu.gpu().name(),
-                None => format!("cpu, {} threads", rayon::current_num_threads()),
-            },
+            device: self.device(),
             ms_geometry,
             ms_draw: drawing.elapsed().as_secs_f64() * 1e3,
             ms_total: started.elapsed().as_secs_f64() * 1e3,
         };
-        Ok((picture, report))
+        Ok(Some((picture, report)))
     }
 }

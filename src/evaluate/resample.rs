@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::EvaluateError;
-use super::export::{self, ExportOptions, ExportReport, unwatched};
+use super::export::{self, ExportOptions, ExportReport, Progress, unwatched};
 use super::load::Object;
 use super::mask;
 use crate::volume::Volume;
@@ -24,9 +24,21 @@ pub struct Exported {
 /// # Errors
 /// If the grid makes no sense or is too large.
 pub fn export(object: &Object, options: &ExportOptions) -> Result<Exported, EvaluateError> {
+    export_watched(object, options, &unwatched)
+}
+
+/// The same with progress, which can stop it.
+///
+/// # Errors
+/// As [`export`], and if it was stopped.
+pub fn export_watched(
+    object: &Object,
+    options: &ExportOptions,
+    progress: Progress<'_>,
+) -> Result<Exported, EvaluateError> {
     let started = Instant::now();
     let prepared = object.stack.prepared();
-    let (mut volume, report) = export::export(&object.volume, &prepared, options, &unwatched)?;
+    let (mut volume, report) = export::export(&object.volume, &prepared, options, progress)?;
     let outside_mesh = if object.shaped {
         let value = options.outside.unwrap_or(if volume.channels == 1 { report.before.min } else { 0.0 });
         mask::clear_outside(&mut volume, &object.mesh, &object.topology, value)?

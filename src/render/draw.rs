@@ -10,6 +10,9 @@ use super::tile::{HEIGHT, Scene, Tile, WIDTH};
 use super::{ClassTable, Exact, Field, Frame, Picture, SliceGeometry, TexelSlice};
 use crate::volume::transfer::linear_from_srgb;
 
+/// Whether the work is no longer wanted; asked now and then, from any thread.
+pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
+
 /// Draws slices. With `exact`, the map is evaluated at every fragment and the vertices' texture coordinates are not used.
 ///
 /// The slices must lie parallel to the view plane (those of another view are drawn with affine, not perspective,
@@ -21,13 +24,26 @@ pub fn render(
     frame: &Frame,
     exact: Option<Exact<'_>>,
 ) -> Picture {
+    render_until(geometry, field, table, frame, exact, &|| false)
+        .unwrap_or_else(|| Picture::filled(frame.size[0], frame.size[1], [0; 4]))
+}
+
+/// As [`render`], given up soon after `stop` says so: then there is no picture.
+pub fn render_until(
+    geometry: &SliceGeometry,
+    field: &Field,
+    table: &ClassTable,
+    frame: &Frame,
+    exact: Option<Exact<'_>>,
+    stop: Stop<'_>,
+) -> Option<Picture> {
     match (field.texels.slice(), field.channels) {
-        (TexelSlice::U8(t), 4) => draw::<u8, 4>(t, geometry, field, table, frame, exact),
-        (TexelSlice::U8(t), _) => draw::<u8, 1>(t, geometry, field, table, frame, exact),
-        (TexelSlice::U16(t), 4) => draw::<u16, 4>(t, geometry, field, table, frame, exact),
-        (TexelSlice::U16(t), _) => draw::<u16, 1>(t, geometry, field, table, frame, exact),
-        (TexelSlice::F32(t), 4) => draw::<f32, 4>(t, geometry, field, table, frame, exact),
-        (TexelSlice::F32(t), _) => draw::<f32, 1>(t, geometry, field, table, frame, exact),
+        (TexelSlice::U8(t), 4) => draw::<u8, 4>(t, geometry, field, table, frame, exact, stop),
+        (TexelSlice::U8(t), _) => draw::<u8, 1>(t, geometry, field, table, frame, exact, stop),
+        (TexelSlice::U16(t), 4) => draw::<u16, 4>(t, geometry, field, table, frame, exact, stop),
+        (TexelSlice::U16(t), _) => draw::<u16, 1>(t, geometry, field, table, frame, exact, stop),
+        (TexelSlice::F32(t), 4) => draw::<f32, 4>(t, geometry, field, table, frame, exact, stop),
+        (TexelSlice::F32(t), _) => draw::<f32, 1>(t, geometry, field, table, frame, exact, stop),
     }
 }
 
@@ -38,7 +54,8 @@ fn draw<T: Texel, const C: usize>(
     table: &ClassTable,
     frame: &Frame,
     exact: Option<Exact<'_>>,
-) -> Picture {
+    stop: Stop<'_>,
+) -> Option<Picture> {
     let [width, height, mode, _] = frame.size;
     let mut picture = Picture::filled(width, height, [0; 4]);
     let corners = project(geometry, frame);
@@ -65,6 +82,9 @@ fn draw<T: Texel, const C: usize>(
         .into_par_iter()
         .with_max_len(1)
         .map_init(Tile::new, |tile, i| {
+            if stop() {
+                return Rows::new();
+            }
             tile.start(&scene, i % across, i / across);
             for t in bins.front_to_back(i) {
                 if tile.is_done() {
@@ -76,10 +96,13 @@ fn draw<T: Texel, const C: usize>(
             tile.rows().map(|(y, x, sums)| (y * width as usize + x, finish(sums, y, frame))).collect()
         })
         .collect();
+    if stop() {
+        return None;
+    }
     for (at, row) in tiles.into_iter().flatten() {
         picture.pixels[at..at + row.len()].copy_from_slice(&row);
     }
-    picture
+    Some(picture)
 }
 
 /// Puts sums of row `y` over the background and encodes them.

@@ -23,6 +23,26 @@ impl Picture {
         Self { width, height, pixels: vec![pixel; width as usize * height as usize] }
     }
 
+    /// Half the size, each pixel the mean of four (weighted by their opacity); an odd last row or column goes.
+    pub fn halved(&self) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let at = |x: u32, y: u32| {
+            let (x, y) = (x.min(self.width.saturating_sub(1)), y.min(self.height.saturating_sub(1)));
+            self.pixels[(y * self.width + x) as usize].map(u32::from)
+        };
+        let mean = |x: u32, y: u32| {
+            let four = [at(2 * x, 2 * y), at(2 * x + 1, 2 * y), at(2 * x, 2 * y + 1), at(2 * x + 1, 2 * y + 1)];
+            let opacity: u32 = four.iter().map(|p| p[3]).sum();
+            let color = |c: usize| {
+                let sum: u32 = four.iter().map(|p| p[c] * p[3]).sum();
+                if opacity == 0 { 0 } else { ((sum + opacity / 2) / opacity) as u8 }
+            };
+            [color(0), color(1), color(2), ((opacity + 2) / 4) as u8]
+        };
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| mean(x, y)).collect();
+        Self { width, height, pixels }
+    }
+
     /// The picture as a PNG file: RGB if every pixel is opaque, else RGBA.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::deform::Stack;
 use crate::render::{Camera, Gradient, Look, Projection, Shading};
 use crate::volume::Space;
+use crate::volume::transfer::TransferFunction;
 
 /// Everything that makes a sculpted object and its view, but for the samples themselves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -24,6 +25,9 @@ pub struct Document {
     /// Name of a preset, a path of a transfer function file, or `auto`.
     #[serde(default = "auto")]
     pub transfer: String,
+    /// A transfer function of the document's own, in its text form; it takes the place of `transfer`.
+    #[serde(default, with = "own_transfer", skip_serializing_if = "Option::is_none")]
+    pub transfer_function: Option<TransferFunction>,
     #[serde(default)]
     pub look: LookSpec,
     #[serde(default)]
@@ -44,9 +48,29 @@ impl Document {
             stack: Stack::default(),
             allow_folds: false,
             transfer: auto(),
+            transfer_function: None,
             look: LookSpec::default(),
             camera: CameraSpec::default(),
         }
+    }
+}
+
+/// A transfer function as its readable text.
+mod own_transfer {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use super::TransferFunction;
+
+    pub fn serialize<S: Serializer>(t: &Option<TransferFunction>, s: S) -> Result<S::Ok, S::Error> {
+        match t {
+            Some(t) => s.serialize_some(&t.to_string()),
+            None => s.serialize_none(),
+        }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<TransferFunction>, D::Error> {
+        let text = Option::<String>::deserialize(d)?;
+        text.map(|t| TransferFunction::parse(&t).map_err(serde::de::Error::custom)).transpose()
     }
 }
 
@@ -56,6 +80,8 @@ impl Document {
 pub enum VolumeSource {
     /// A file; relative paths start at the project file's folder.
     File(PathBuf),
+    /// The samples inside this project file.
+    Embedded(PathBuf),
     /// A built-in phantom, its longest side in voxels.
     Phantom { name: String, size: usize },
 }
@@ -112,6 +138,12 @@ pub struct LookSpec {
     pub light: DVec3,
     pub forward_gradient: bool,
     pub preintegrated: bool,
+    /// Number of slices; `None`: one per finest voxel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slices: Option<usize>,
+    /// sRGB at the top and the bottom of the picture; `None`: a soft dark grey.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub background: Option<[[f32; 3]; 2]>,
 }
 
 /// What is shown.
@@ -136,6 +168,8 @@ impl Default for LookSpec {
             light: look.light,
             forward_gradient: false,
             preintegrated: look.preintegrated,
+            slices: None,
+            background: None,
         }
     }
 }
@@ -154,6 +188,7 @@ impl LookSpec {
             light: self.light,
             gradient: if self.forward_gradient { Gradient::Forward } else { Gradient::Central },
             preintegrated: self.preintegrated,
+            background: self.background.unwrap_or(Look::default().background),
             ..Look::default()
         }
     }

@@ -1,3 +1,5 @@
+use rayon::prelude::*;
+
 use super::Grid;
 
 /// The type of a sample as stored.
@@ -179,6 +181,26 @@ impl Volume {
         assert!((1..=4).contains(&channels), "channels must be 1 to 4");
         assert_eq!(samples.len(), grid.len() * channels, "samples do not fill the grid");
         Self { grid, channels, samples, rescale: Rescale::default() }
+    }
+
+    /// CRC-32 of size, type, channels and samples, to see whether a volume is the one that was meant. Where it lies does
+    /// not matter.
+    pub fn checksum(&self) -> u32 {
+        let mut crc = flate2::Crc::new();
+        crc.update(format!("{:?} {:?} {}", self.grid.dims, self.samples.scalar_type(), self.channels).as_bytes());
+        // the checksum of a whole from those of its parts, so that all cores help
+        let parts: Vec<flate2::Crc> = self
+            .samples
+            .bytes()
+            .par_chunks(1 << 22)
+            .map(|part| {
+                let mut crc = flate2::Crc::new();
+                crc.update(part);
+                crc
+            })
+            .collect();
+        parts.iter().for_each(|part| crc.combine(part));
+        crc.sum()
     }
 
     /// Index of the first channel of voxel (i, j, k).
