@@ -87,7 +87,7 @@ impl<T: Real> BrushKernel<T> {
     #[inline(always)]
     fn displacement_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> [T; 3] {
         let f = self.ball.value_by(p, profile);
-        let u = apply(&self.first, self.ball.from_center(p));
+        let u = apply(&self.first, self.ball.offset(p));
         match self.turns {
             None => u.map(|c| f * c),
             Some(turns) => {
@@ -102,7 +102,7 @@ impl<T: Real> BrushKernel<T> {
     #[inline(always)]
     fn displacement_with_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> ([T; 3], [[T; 3]; 3]) {
         let (f, slope) = self.ball.value_and_gradient_by(p, profile);
-        let u = apply(&self.first, self.ball.from_center(p));
+        let u = apply(&self.first, self.ball.offset(p));
         match self.turns {
             None => {
                 let rows = std::array::from_fn(|a| std::array::from_fn(|b| f * self.first[a][b] + u[a] * slope[b]));

@@ -219,14 +219,14 @@ impl BallKernel<f64> {
 
 impl<T: Real> BallKernel<T> {
     #[inline(always)]
-    pub fn from_center(&self, p: [T; 3]) -> [T; 3] {
+    pub fn offset(&self, p: [T; 3]) -> [T; 3] {
         std::array::from_fn(|i| p[i] - self.center[i])
     }
 
     /// From the centre, in units of the radius.
     #[inline(always)]
     fn local(&self, p: [T; 3]) -> [T; 3] {
-        let [x, y, z] = self.from_center(p);
+        let [x, y, z] = self.offset(p);
         let [a, b, c, d, e, f] = self.metric;
         [a * x + b * y + c * z, d * y + e * z, f * z]
     }
