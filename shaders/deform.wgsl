@@ -1,19 +1,20 @@
 // The backward map: a stack of deformers, the newest undone first. The formulas are those of src/deform.
 
 struct Step {
-    // 0: displacement volume, 1: grab, 2: lattice
+    // 0: displacement volume, 1: grab, 2: lattice, 3: brush that inflates or pinches, 4: brush that twists
     kind: u32,
-    // of a grab: 0: (1 - t^2)^3, 1: quadratic B-spline, 2: smoothstep beyond the core
+    // of a grab or brush: 0: (1 - t^2)^3, 1: quadratic B-spline, 2: smoothstep beyond the core
     falloff: u32,
     // the lattice's first coefficient
     first: u32,
     core: f32,
-    // peak of the displacement, or the lattice's lower corner; local
+    // peak of the displacement, centre of the brush, or the lattice's lower corner; local
     center: vec3f,
     inverse_radius: f32,
     vector: vec3f,
-    pad: f32,
-    // axes divided by their length scale; knot intervals along each
+    // angle of a twist in full turns
+    turns: f32,
+    // axes divided by their length scale, or columns of the brush's matrix; knot intervals along each
     axis_u: vec3f,
     cells_u: f32,
     axis_v: vec3f,
@@ -47,7 +48,7 @@ fn rise_and_fall(t: f32) -> vec2f {
     return vec2f(b.x, select(0.5 * b.y, b.y, t < 0.0));
 }
 
-// profile of a grab: f(t), and f'(t)/t, from t^2
+// profile of a grab or brush: f(t), and f'(t)/t, from t^2
 fn profile(s: Step, squared: f32) -> vec2f {
     if s.falloff == 0u {
         let rest = max(1.0 - squared, 0.0);
@@ -113,12 +114,40 @@ fn lattice(s: Step, knots: vec3f) -> Displacement {
     return d;
 }
 
+// sin a and 1 - cos a of an angle in full turns: from a quarter of it, doubled twice
+fn turn(turns: f32) -> vec2f {
+    let x = 1.5707963 * (turns - round(turns));
+    let y = x * x;
+    let s = x * (1.0 + y * (-0.16666667 + y * (8.3333333e-3 + y * (-1.9841270e-4 + y * 2.7557319e-6))));
+    let c = 1.0 + y * (-0.5 + y * (0.041666667 + y * (-1.3888889e-3 + y * 2.4801587e-5)));
+    let half = vec2f(2.0 * s * c, 1.0 - 2.0 * s * s);
+    return vec2f(2.0 * half.x * half.y, 2.0 * half.x * half.x);
+}
+
+fn brush(s: Step, r: vec3f) -> Displacement {
+    let x = r * s.inverse_radius;
+    let f = profile(s, dot(x, x));
+    let slope = x * (f.y * s.inverse_radius);
+    let a = mat3x3f(s.axis_u, s.axis_v, s.axis_w);
+    let u = a * r;
+    if s.kind == 3u {
+        return Displacement(u * f.x, a * f.x + outer(u, slope));
+    }
+    let v = a * u;
+    let t = turn(s.turns * f.x);
+    let by_angle = (u * (1.0 - t.y) - v * t.x) * (6.2831853 * s.turns);
+    return Displacement(u * t.x - v * t.y, a * t.x - (a * a) * t.y + outer(by_angle, slope));
+}
+
 fn displacement(s: Step, p: vec3f) -> Displacement {
     let r = p - s.center;
     if s.kind == 1u {
         let x = r * s.inverse_radius;
         let f = profile(s, dot(x, x));
         return Displacement(s.vector * f.x, outer(s.vector, x * (f.y * s.inverse_radius)));
+    }
+    if s.kind >= 3u {
+        return brush(s, r);
     }
     let local = vec3f(dot(s.axis_u, r), dot(s.axis_v, r), dot(s.axis_w, r));
     if s.kind == 2u {

@@ -5,7 +5,9 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use voxclay::deform::{Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Stack};
+use voxclay::deform::{
+    Action, Brush, Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Stack,
+};
 use voxclay::gpu::{Gpu, Preference, Renderer, ResampleJob, ResamplePass};
 use voxclay::math::{BackwardMap, Identity, OrientedBox};
 use voxclay::render::{
@@ -83,7 +85,7 @@ fn tf() -> TransferFunction {
     }
 }
 
-/// One deformer of each kind, overlapping.
+/// One deformer of each kind, overlapping; one of them of half its effect.
 fn stack() -> Stack {
     let g = grid();
     let at = |x, y, z| g.world_from_texture().transform_point3(DVec3::new(x, y, z));
@@ -93,6 +95,7 @@ fn stack() -> Stack {
         Extent { u: 14.0, v: 11.0, length: 45.0 },
         Some(DVec3::X),
     );
+    let brush = |c, f, action| Deformer::Brush(Brush::new(c, 12.0, f, action).unwrap());
     let grab = |c, v, f| Deformer::Grab(Grab::new(c, v, 16.0, f).unwrap());
     let support = OrientedBox { center: at(0.5, 0.5, 0.5), axes: g.direction(), half: DVec3::splat(22.0) };
     let lattice = Lattice::new(support, [4, 3, 5])
@@ -106,8 +109,13 @@ fn stack() -> Stack {
         Deformer::Lattice(lattice),
         grab(at(0.7, 0.5, 0.4), DVec3::new(-2.0, 2.0, 1.0), Falloff::Core(0.3)),
         grab(at(0.5, 0.3, 0.4), DVec3::new(0.0, -2.0, 1.5), Falloff::Spline),
+        brush(at(0.4, 0.4, 0.4), Falloff::Smooth, Action::Inflate { amount: 0.4 }),
+        brush(at(0.6, 0.7, 0.6), Falloff::Core(0.2), Action::Pinch { axis: DVec3::new(1.0, 2.0, 0.5), amount: 0.5 }),
+        brush(at(0.5, 0.5, 0.4), Falloff::Spline, Action::Twist { axis: DVec3::new(0.0, -1.0, 2.0), degrees: 100.0 }),
     ];
-    Stack { items: items.into_iter().map(|d| Deformation::new("", d)).collect() }
+    let mut stack = Stack { items: items.into_iter().map(|d| Deformation::new("", d)).collect() };
+    stack.items[1].opacity = 0.5;
+    stack
 }
 
 fn camera(perspective: bool) -> Camera {

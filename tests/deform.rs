@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 use voxclay::deform::{
-    DeformError, Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Limit, Stack,
+    Action, Brush, DeformError, Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Limit, Stack,
 };
 use voxclay::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox, Real};
 use voxclay::mesh::TriMesh;
@@ -69,12 +69,35 @@ fn lattice(r: &mut Random, dims: [usize; 3], steepness: f64) -> Lattice {
     rough.with_handles(handles.into_iter().map(|h| h * scale).collect()).unwrap()
 }
 
+/// Growing and shrinking, pinching and spreading brushes of this steepness.
+fn brushes(r: &mut Random, falloff: Falloff, steepness: f64) -> Vec<Brush> {
+    let (grow, shrink) = (steepness, -steepness / falloff.steepest_return());
+    let axis = r.direction() * 3.0;
+    [
+        Action::Inflate { amount: grow },
+        Action::Inflate { amount: shrink },
+        Action::Pinch { axis, amount: -shrink },
+        Action::Pinch { axis, amount: -grow },
+    ]
+    .map(|action| Brush::new(r.cube() * 20.0, 3.0 + 9.0 * r.unit(), falloff, action).unwrap())
+    .to_vec()
+}
+
+fn twist(r: &mut Random, falloff: Falloff, degrees: f64) -> Brush {
+    let action = Action::Twist { axis: r.direction() * 2.0, degrees };
+    Brush::new(r.cube() * 20.0, 4.0 + 8.0 * r.unit(), falloff, action).unwrap()
+}
+
 /// One of each, all injective.
 fn deformers(r: &mut Random) -> Vec<Deformer> {
     let mut all: Vec<Deformer> =
         (0..4).map(|i| Deformer::Displacement(displacement(r, 0.3 + 0.2 * f64::from(i)))).collect();
     all.extend(FALLOFFS.map(|f| Deformer::Grab(grab(r, f, 0.85))));
     all.extend([[2, 2, 2], [3, 4, 5], [7, 3, 2]].map(|d| Deformer::Lattice(lattice(r, d, 0.9))));
+    for (i, falloff) in FALLOFFS.into_iter().take(4).enumerate() {
+        all.push(Deformer::Brush(brushes(r, falloff, 0.7)[i]));
+        all.push(Deformer::Brush(twist(r, falloff, [40.0, -110.0, 75.0, -20.0][i])));
+    }
     all
 }
 
@@ -212,7 +235,7 @@ fn the_bound_of_folding_is_sharp() {
             let (peak, vector, reach) = match &d {
                 Deformer::Displacement(d) => (d.displaced(), d.vector(), d.extent().length / 3.0),
                 Deformer::Grab(g) => (g.displaced(), g.vector(), g.radius()),
-                Deformer::Lattice(_) => unreachable!(),
+                Deformer::Brush(_) | Deformer::Lattice(_) => unreachable!(),
             };
             let w = vector.normalize();
             let at = |t: f64| peak - w * (reach * t);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use voxclay::deform::{Deformation, Deformer, DisplacementVolume, Falloff, Grab};
+use voxclay::deform::{Action, Brush, Deformation, Deformer, DisplacementVolume, Falloff, Grab};
 use voxclay::evaluate::geometry::{GeometryOptions, Refinement, slices};
 use voxclay::evaluate::load::{Object, load};
 use voxclay::math::BackwardMap;
@@ -164,5 +164,37 @@ fn planes_behind_the_eye_are_left_out() {
     assert!(!geometry.indices.is_empty());
     for v in &geometry.vertices {
         assert!(DVec3::from(v.position.map(f64::from)).dot(camera.to_eye()) < eye);
+    }
+}
+
+/// What a brush pushes out of the volume stays in the picture, and a faint stroke is judged by what is left of it.
+#[test]
+fn the_box_holds_what_brushes_move_and_only_what_folds_is_held_back() {
+    let mut document = Document::new(VolumeSource::Phantom { name: "sphere".into(), size: 24 });
+    let grid = load(&document, Path::new("")).unwrap().volume.grid;
+    let corner = grid.world_from_texture().transform_point3(DVec3::new(0.9, 0.5, 0.1));
+    let radius = 0.5 * (grid.world_from_texture().matrix3 * DVec3::X).length();
+    let axis = DVec3::new(1.0, 2.0, -1.0);
+    for (action, opacity, held) in [
+        (Action::Inflate { amount: 0.8 }, 1.0, false),
+        (Action::Inflate { amount: 1.6 }, 0.5, false),
+        (Action::Inflate { amount: 1.6 }, 1.0, true),
+        (Action::Pinch { axis, amount: -0.8 }, 1.0, false),
+        (Action::Twist { axis, degrees: 200.0 }, 1.0, false),
+    ] {
+        let brush = Deformer::Brush(Brush::new(corner, radius, Falloff::Smooth, action).unwrap());
+        document.stack.items = vec![Deformation { opacity, ..Deformation::new("blow", brush) }];
+        let object = load(&document, Path::new("")).unwrap();
+        assert_eq!(object.warnings.iter().any(|w| w.contains("'blow' is held back")), held, "{:?}", object.warnings);
+        let (lo, hi) = object.mesh.bounds().unwrap();
+        let mut outside = 0;
+        for i in 0..1000 {
+            let on = DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)) / 9.0;
+            let seen = object.stack.forward(grid.world_from_texture().transform_point3(on)).unwrap();
+            assert!(seen.cmpge(lo - 1e-9).all() && seen.cmple(hi + 1e-9).all(), "{action:?}: {seen} {lo} {hi}");
+            let at = grid.texture_from_world().transform_point3(seen);
+            outside += usize::from(at.max_element() > 1.01 || at.min_element() < -0.01);
+        }
+        assert!(outside > 0, "{action:?} moves nothing out of the volume");
     }
 }

@@ -70,7 +70,7 @@ fn shared_structs_lie_as_in_rust() {
     same_layout!(slicing, "Object", ObjectUniform: texel, jacobian);
     same_layout!(slicing, "Map", MapUniform: target_from_local, count);
     same_layout!(slicing, "Step", StepRecord:
-        kind, falloff, first, core, center, inverse_radius, vector, axis_u, cells_u, axis_v, cells_v, axis_w, cells_w);
+        kind, falloff, first, core, center, inverse_radius, vector, turns, axis_u, cells_u, axis_v, cells_v, axis_w, cells_w);
     same_layout!(shader::resample(), "Resample", ResampleUniform:
         input_from_output, local_from_output, input, output, chunk, value);
     for source in [shader::warp_claim(), shader::warp_sample(Texel::Float)] {

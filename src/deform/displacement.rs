@@ -129,6 +129,14 @@ impl DisplacementVolume {
         Limited::by_scale(self.steepness(), margin, self.vector.length(), |s| Self { vector: self.vector * s, ..*self })
     }
 
+    /// With the vector times `scale`.
+    ///
+    /// # Errors
+    /// If the product has no length or is too long.
+    pub(super) fn scaled(&self, scale: f64) -> Result<Self, DeformError> {
+        Self::new(self.point, self.vector * scale, self.extent, self.across)
+    }
+
     /// The same stroke on the other side of the plane through `origin` across `normal`, for symmetrical work.
     ///
     /// # Errors

@@ -1,10 +1,14 @@
 use glam::DVec3;
 
+use super::Falloff;
+
 /// Why a deformer cannot be, or a point cannot be moved by it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DeformError {
     #[error("the displacement vector has no length, so it has no direction; drag it somewhere")]
     NoDirection,
+    #[error("the axis has no length, so it has no direction")]
+    NoAxis,
     #[error("the {what} holds a number that is not finite")]
     NotFinite { what: &'static str },
     #[error("the {what} is {value}; it must be between {least} and {most}")]
@@ -52,4 +56,16 @@ pub(super) fn direction(vector: DVec3) -> Result<DVec3, DeformError> {
         return Err(DeformError::NoDirection);
     }
     Ok(vector.normalize())
+}
+
+pub(super) fn check_axis(axis: DVec3) -> Result<(), DeformError> {
+    check_vector("axis", axis)?;
+    if axis.length() < LEAST { Err(DeformError::NoAxis) } else { Ok(()) }
+}
+
+pub(super) fn check_falloff(falloff: Falloff) -> Result<(), DeformError> {
+    match falloff {
+        Falloff::Core(core) => check_range("core of the falloff", core, 0.0, 0.9),
+        Falloff::Smooth | Falloff::Spline => Ok(()),
+    }
 }

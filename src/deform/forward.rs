@@ -2,10 +2,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::DeformError;
-use super::kernel::Kernel;
+use super::kernel::{Kernel, profile_of};
 use super::lattice_kernel::LatticeKernel;
 use super::stack::with_gradient;
+use super::{Action, Brush, DeformError};
+use crate::math::turn::turn;
 
 /// Of a displacement in one fixed direction: a root along the line through `q`, in a bracket that always holds one.
 ///
@@ -21,9 +22,14 @@ pub(super) fn forward_along(kernel: &impl Kernel<f64>, q: DVec3, steepness: f64)
     if steepness >= 1.0 && crossings(&g, length) > 1 {
         return Err(DeformError::Folded { at: q });
     }
-    let (mut lo, mut hi) = (0.0, length);
     // without a displacement the answer is q itself
-    let mut s = length * kernel.value(q.to_array());
+    let s = root(&g, [0.0, length], length * kernel.value(q.to_array()), length);
+    if s.is_finite() { Ok(q + w * s) } else { Err(DeformError::NotConverged { at: q }) }
+}
+
+/// A root of `g`, which gives value and slope, is at most 0 at `lo` and at least 0 at `hi`: to 1e-15 of `size`.
+fn root(g: &impl Fn(f64) -> (f64, f64), [mut lo, mut hi]: [f64; 2], start: f64, size: f64) -> f64 {
+    let mut s = start;
     for _ in 0..200 {
         let (value, slope) = g(s);
         if value == 0.0 {
@@ -38,11 +44,47 @@ pub(super) fn forward_along(kernel: &impl Kernel<f64>, q: DVec3, steepness: f64)
         let next = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
         let step = (next - s).abs();
         s = next;
-        if step <= 1e-15 * length || hi - lo <= 1e-15 * length {
+        if step <= 1e-15 * size || hi - lo <= 1e-15 * size {
             break;
         }
     }
-    if s.is_finite() { Ok(q + w * s) } else { Err(DeformError::NotConverged { at: q }) }
+    s
+}
+
+/// Of a brush: a twist is turned back; else a root along a ray from the centre, or from the axis across it.
+pub(super) fn forward_brush(brush: &Brush, q: DVec3) -> Result<DVec3, DeformError> {
+    let ball = brush.kernel(DVec3::ZERO).ball;
+    let profile = |p: DVec3| ball.value_and_gradient_by(p.to_array(), profile_of(brush.falloff()));
+    let r = q - brush.center();
+    let (amount, moving, across) = match brush.action() {
+        Action::Twist { axis, degrees } => {
+            // the distance from the centre is kept, so the angle is known
+            let (sin, versed) = turn(degrees / 360.0 * profile(q).0);
+            let n = axis.normalize();
+            let (u, v) = (n.cross(r), n.cross(n.cross(r)));
+            return Ok(q + u * sin + v * versed);
+        }
+        Action::Inflate { amount } => (amount, r, DVec3::X),
+        Action::Pinch { axis, amount } => {
+            let n = axis.normalize();
+            (-amount, r - n * r.dot(n), n.any_orthonormal_vector())
+        }
+    };
+    let direction = moving.try_normalize().unwrap_or(across);
+    let (base, target) = (q - moving, moving.length());
+    let g = |s: f64| {
+        let p = base + direction * s;
+        let (value, gradient) = profile(p);
+        (s - amount * s * value - target, 1.0 - amount * (value + s * DVec3::from(gradient).dot(direction)))
+    };
+    // beyond the ball nothing moves
+    let end = target.max(brush.radius());
+    let both_ways = |s: f64| g(s - end);
+    if brush.steepness() >= 1.0 && crossings(&both_ways, 2.0 * end) > 1 {
+        return Err(DeformError::Folded { at: q });
+    }
+    let s = root(&g, [0.0, end], target, brush.radius());
+    if s.is_finite() { Ok(base + direction * s) } else { Err(DeformError::NotConverged { at: q }) }
 }
 
 /// Sign changes of `g` over the bracket, looked for at evenly spaced places.

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+use super::brush_kernel::BrushKernel;
 use super::kernel::{BallKernel, Kernel, SplineKernel};
 use super::lattice_kernel::LatticeKernel;
 use crate::math::{Block, Real};
@@ -30,6 +31,7 @@ struct Step<T> {
 pub(super) enum FramedKernel<T> {
     Spline(SplineKernel<T>),
     Ball(BallKernel<T>),
+    Brush(BrushKernel<T>),
     /// With its coefficients in `f32`, which all blocks share.
     Lattice(LatticeKernel<T>, Arc<[[f32; 4]]>),
 }
@@ -92,6 +94,7 @@ impl<T: Real> Step<T> {
         let range = match &self.kernel {
             FramedKernel::Spline(k) => along(k.vector(), k.range(at, around)),
             FramedKernel::Ball(k) => along(k.vector(), k.range(at, around)),
+            FramedKernel::Brush(k) => k.range(bounds, at, around),
             FramedKernel::Lattice(k, _) => k.range,
         };
         let still = [[T::default(); 2]; 3];
@@ -112,6 +115,7 @@ impl Framed {
             let region = match &kernel {
                 FramedKernel::Spline(k) => k.region(),
                 FramedKernel::Ball(k) => k.region(),
+                FramedKernel::Brush(k) => k.region(),
                 FramedKernel::Lattice(k, _) => k.region(),
             };
             Step { kernel, region }
@@ -135,6 +139,7 @@ impl Framed {
             let kernel = match &step.kernel {
                 FramedKernel::Spline(k) => FramedKernel::Spline(k.about(origin)),
                 FramedKernel::Ball(k) => FramedKernel::Ball(k.about(origin)),
+                FramedKernel::Brush(k) => FramedKernel::Brush(k.about(origin)),
                 FramedKernel::Lattice(k, narrow) => {
                     FramedKernel::Lattice(k.about_with(origin, Arc::clone(narrow)), Arc::clone(narrow))
                 }
@@ -195,6 +200,7 @@ impl pulp::WithSimd for Displace<'_> {
                 match kernel {
                     FramedKernel::Spline(k) => k.displace(points),
                     FramedKernel::Ball(k) => k.displace(points),
+                    FramedKernel::Brush(k) => k.displace(points),
                     FramedKernel::Lattice(k, _) => k.displace(points),
                 }
             }

@@ -1,12 +1,12 @@
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::error::{check_length, check_range, check_vector, direction};
+use super::error::{check_falloff, check_length, check_vector, direction};
 use super::kernel::BallKernel;
 use super::{DeformError, Limited};
 use crate::math::{OrientedBox, bspline};
 
-/// How a grab fades from its centre (1) to its radius (0); every one is C1 with zero slope at both ends.
+/// How a grab or a brush fades from its centre (1) to its radius (0); every one is C1 with zero slope at both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Falloff {
@@ -27,6 +27,38 @@ impl Falloff {
             Self::Smooth => 96.0 / (25.0 * 5.0_f64.sqrt()),
             Self::Spline => bspline::STEEPEST,
             Self::Core(core) => 1.5 / (1.0 - core),
+        }
+    }
+
+    /// The largest value of `-(t f(t))'`: how steeply `t f(t)` falls back to 0. `(t f(t))'` itself is nowhere above 1.
+    pub fn steepest_return(self) -> f64 {
+        match self {
+            // (1 - t^2)^2 (7 t^2 - 1), at t^2 = 3/7
+            Self::Smooth => 32.0 / 49.0,
+            // (1 - t) (9 t - 3) / 2, at t = 2/3
+            Self::Spline => 0.5,
+            Self::Core(core) => {
+                // by x = (t - core) / (1 - core)
+                let k = 6.0 * core / (1.0 - core);
+                let x = ((9.0 - k) + ((9.0 - k).powi(2) + 24.0 * k).sqrt()) / 24.0;
+                -1.0 + x * (k + x * (9.0 - k - 8.0 * x))
+            }
+        }
+    }
+
+    /// The largest value of `t f(t)`.
+    pub fn farthest(self) -> f64 {
+        match self {
+            // at t^2 = 1/7
+            Self::Smooth => (6.0_f64 / 7.0).powi(3) / 7.0_f64.sqrt(),
+            // at t = 1/3
+            Self::Spline => 2.0 / 9.0,
+            Self::Core(core) => {
+                // where the slope of t f(t), -(1 - x) (8 x^2 - (1 - k) x - 1), is 0
+                let k = 6.0 * core / (1.0 - core);
+                let x = ((1.0 - k) + ((1.0 - k).powi(2) + 32.0).sqrt()) / 16.0;
+                (core + (1.0 - core) * x) * (1.0 - x * x * (3.0 - 2.0 * x))
+            }
         }
     }
 }
@@ -70,9 +102,7 @@ impl Grab {
         check_vector("centre", center)?;
         direction(vector)?;
         check_length("radius", radius)?;
-        if let Falloff::Core(core) = falloff {
-            check_range("core of the falloff", core, 0.0, 0.9)?;
-        }
+        check_falloff(falloff)?;
         Ok(Self { center, vector, radius, falloff })
     }
 
@@ -110,6 +140,14 @@ impl Grab {
     /// The same with the vector shortened to `1 - margin` of the largest that does not fold, if it is longer.
     pub fn clamp_to_injective(&self, margin: f64) -> Limited<Self> {
         Limited::by_scale(self.steepness(), margin, self.vector.length(), |s| Self { vector: self.vector * s, ..*self })
+    }
+
+    /// With the vector times `scale`.
+    ///
+    /// # Errors
+    /// If the product has no length or is too long.
+    pub(super) fn scaled(&self, scale: f64) -> Result<Self, DeformError> {
+        Self::new(self.center, self.vector * scale, self.radius, self.falloff)
     }
 
     /// The same grab on the other side of the plane through `origin` across `normal`.

@@ -165,11 +165,11 @@ impl<T: Real> Kernel<T> for SplineKernel<T> {
 /// `V = f(|m (p - center)|)` with an upper triangular matrix `m`: in the world, 1 / radius.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BallKernel<T> {
-    center: [T; 3],
+    pub center: [T; 3],
     /// The rows of the matrix, without the zeros: three, two and one number.
     metric: [T; 6],
     vector: [T; 3],
-    falloff: Falloff,
+    pub falloff: Falloff,
 }
 
 impl BallKernel<f64> {
@@ -178,7 +178,7 @@ impl BallKernel<f64> {
         Self { center: center.to_array(), metric: [s, 0.0, 0.0, s, 0.0, s], vector: vector.to_array(), falloff }
     }
 
-    fn rows(&self) -> [[f64; 3]; 3] {
+    pub fn rows(&self) -> [[f64; 3]; 3] {
         let [a, b, c, d, e, f] = self.metric;
         [[a, b, c], [0.0, d, e], [0.0, 0.0, f]]
     }
@@ -218,22 +218,27 @@ impl BallKernel<f64> {
 }
 
 impl<T: Real> BallKernel<T> {
+    #[inline(always)]
+    pub fn offset(&self, p: [T; 3]) -> [T; 3] {
+        std::array::from_fn(|i| p[i] - self.center[i])
+    }
+
     /// From the centre, in units of the radius.
     #[inline(always)]
     fn local(&self, p: [T; 3]) -> [T; 3] {
-        let [x, y, z]: [T; 3] = std::array::from_fn(|i| p[i] - self.center[i]);
+        let [x, y, z] = self.offset(p);
         let [a, b, c, d, e, f] = self.metric;
         [a * x + b * y + c * z, d * y + e * z, f * z]
     }
 
     #[inline(always)]
-    fn value_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> T {
+    pub fn value_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> T {
         let x = self.local(p);
         profile(dot(x, x)).0
     }
 
     #[inline(always)]
-    fn value_and_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> (T, [T; 3]) {
+    pub fn value_and_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> (T, [T; 3]) {
         let local = self.local(p);
         let (value, slope) = profile(dot(local, local));
         let [x, y, z] = local.map(|c| c * slope);
@@ -302,14 +307,14 @@ impl<T: Real> Kernel<T> for BallKernel<T> {
 
 /// `(1 - t^2)^3`.
 #[inline(always)]
-fn smooth<T: Real>(squared: T) -> (T, T) {
+pub(super) fn smooth<T: Real>(squared: T) -> (T, T) {
     let rest = (T::of(1.0) - squared).larger(T::default());
     (rest * rest * rest, T::of(-6.0) * rest * rest)
 }
 
 /// The quadratic B-spline.
 #[inline(always)]
-fn spline<T: Real>(squared: T) -> (T, T) {
+pub(super) fn spline<T: Real>(squared: T) -> (T, T) {
     let t = squared.root();
     let (value, slope) = bump_with_slope(t);
     (value, slope * t.larger(T::of(TINY)).inverse())
@@ -317,7 +322,7 @@ fn spline<T: Real>(squared: T) -> (T, T) {
 
 /// 1 up to `core`, then smoothstep.
 #[inline(always)]
-fn with_core<T: Real>(core: f64) -> impl Fn(T) -> (T, T) {
+pub(super) fn with_core<T: Real>(core: f64) -> impl Fn(T) -> (T, T) {
     let (core, width) = (T::of(core), T::of(1.0 / (1.0 - core)));
     move |squared| {
         let t = squared.root();
@@ -332,7 +337,7 @@ const TINY: f64 = 1e-18;
 
 /// The profile of a falloff, chosen anew at each call: for single points.
 #[inline(always)]
-fn profile_of<T: Real>(falloff: Falloff) -> impl Fn(T) -> (T, T) {
+pub(super) fn profile_of<T: Real>(falloff: Falloff) -> impl Fn(T) -> (T, T) {
     move |squared| match falloff {
         Falloff::Smooth => smooth(squared),
         Falloff::Spline => spline(squared),

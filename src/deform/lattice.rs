@@ -94,6 +94,14 @@ impl Lattice {
         self.with_handles(handles)
     }
 
+    /// With all vectors times `scale`.
+    ///
+    /// # Errors
+    /// If a product is too long.
+    pub(super) fn scaled(&self, scale: f64) -> Result<Self, DeformError> {
+        self.clone().with_handles(self.handles.iter().map(|h| *h * scale).collect())
+    }
+
     pub fn dims(&self) -> [usize; 3] {
         self.dims
     }

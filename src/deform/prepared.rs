@@ -1,12 +1,14 @@
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::forward::{forward_along, forward_lattice};
+use super::brush_kernel::BrushKernel;
+use super::forward::{forward_along, forward_brush, forward_lattice};
 use super::framed::{Framed, FramedKernel};
 use super::kernel::{BallKernel, Kernel, SplineKernel};
 use super::lattice_kernel::LatticeKernel;
-use super::stack::{outer, with_gradient};
+use super::stack::{brushed, outer, with_gradient};
 use super::{DeformError, Deformer};
 use crate::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox, Real};
 
@@ -35,20 +37,22 @@ struct Step {
 enum AnyKernel<T> {
     Spline(SplineKernel<T>),
     Ball(BallKernel<T>),
+    Brush(BrushKernel<T>),
     Lattice(Arc<LatticeKernel<T>>),
 }
 
 impl Prepared {
     /// From deformers, oldest first.
-    pub(super) fn new<'a>(deformers: impl DoubleEndedIterator<Item = &'a Deformer>) -> Self {
+    pub(super) fn new<'a>(deformers: impl DoubleEndedIterator<Item = Cow<'a, Deformer>>) -> Self {
         let mut feature = f64::INFINITY;
         let steps: Vec<Step> = deformers
             .rev()
             .map(|d| {
                 feature = feature.min(d.feature_size());
-                let kernel = match d {
+                let kernel = match &*d {
                     Deformer::Displacement(d) => AnyKernel::Spline(d.kernel(DVec3::ZERO)),
                     Deformer::Grab(g) => AnyKernel::Ball(g.kernel(DVec3::ZERO)),
+                    Deformer::Brush(b) => AnyKernel::Brush(b.kernel(DVec3::ZERO)),
                     Deformer::Lattice(l) => AnyKernel::Lattice(Arc::new(l.kernel())),
                 };
                 let support = d.support();
@@ -85,6 +89,7 @@ impl Prepared {
         Framed::new(self.steps.iter().map(|s| match &s.kernel {
             AnyKernel::Spline(k) => FramedKernel::Spline(k.in_frame(world_from_local)),
             AnyKernel::Ball(k) => FramedKernel::Ball(k.in_frame(world_from_local)),
+            AnyKernel::Brush(k) => FramedKernel::Brush(k.in_frame(world_from_local)),
             AnyKernel::Lattice(k) => FramedKernel::Lattice(k.in_frame(world_from_local), k.narrow()),
         }))
     }
@@ -102,6 +107,7 @@ impl Prepared {
             match &step.kernel {
                 AnyKernel::Spline(k) => forward_along(k, q, step.steepness),
                 AnyKernel::Ball(k) => forward_along(k, q, step.steepness),
+                AnyKernel::Brush(k) => forward_brush(&k.brush, q),
                 AnyKernel::Lattice(k) => forward_lattice(k, q, step.support.half.max_element()),
             }
         })
@@ -113,6 +119,7 @@ fn blocks<'a, T: Real>(steps: impl Iterator<Item = &'a Step>, center: DVec3) -> 
         kernel: match &s.kernel {
             AnyKernel::Spline(k) => AnyKernel::Spline(k.about(center)),
             AnyKernel::Ball(k) => AnyKernel::Ball(k.about(center)),
+            AnyKernel::Brush(k) => AnyKernel::Brush(k.about(center)),
             AnyKernel::Lattice(k) => AnyKernel::Lattice(Arc::new(k.about(center))),
         },
         bounds: std::array::from_fn(|a| [T::of(s.lower[a] - center[a]), T::of(s.upper[a] - center[a])]),
@@ -142,6 +149,7 @@ impl BackwardMap for Prepared {
                 p -= match &step.kernel {
                     AnyKernel::Spline(k) => DVec3::from(k.vector()) * k.value(p.to_array()),
                     AnyKernel::Ball(k) => DVec3::from(k.vector()) * k.value(p.to_array()),
+                    AnyKernel::Brush(k) => DVec3::from(k.displacement(p.to_array())),
                     AnyKernel::Lattice(k) => DVec3::from(k.displacement(p.to_array())),
                 };
             }
@@ -162,6 +170,7 @@ impl BackwardMap for Prepared {
             let (displacement, gradient) = match &step.kernel {
                 AnyKernel::Spline(k) => along(k.vector(), k.value_and_gradient(p.to_array())),
                 AnyKernel::Ball(k) => along(k.vector(), k.value_and_gradient(p.to_array())),
+                AnyKernel::Brush(k) => brushed(k, p),
                 AnyKernel::Lattice(k) => with_gradient(k, p),
             };
             p -= displacement;
@@ -239,6 +248,10 @@ impl<T: Real> pulp::WithSimd for Displace<'_, T> {
                     k.displace(points);
                     shifted(&mut bounds, k.vector());
                 }
+                AnyKernel::Brush(k) => {
+                    k.displace(points);
+                    bounds = points.bounds();
+                }
                 AnyKernel::Lattice(k) => {
                     k.displace(points);
                     bounds = points.bounds();
@@ -302,6 +315,7 @@ impl<T: Real> BlockMap<T> for Blocks<T> {
             match &step.kernel {
                 AnyKernel::Spline(k) => k.displace_with_jacobian(points, jacobian),
                 AnyKernel::Ball(k) => k.displace_with_jacobian(points, jacobian),
+                AnyKernel::Brush(k) => k.displace_with_jacobian(points, jacobian),
                 AnyKernel::Lattice(k) => k.displace_with_jacobian(points, jacobian),
             }
             bounds = points.bounds();

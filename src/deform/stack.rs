@@ -1,10 +1,14 @@
+use std::borrow::Cow;
+
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
+use super::brush_kernel::BrushKernel;
+use super::error::check_range;
 use super::kernel::Kernel;
 use super::lattice_kernel::LatticeKernel;
-use super::{DeformError, DisplacementVolume, Grab, Lattice, Limit, Limited, Prepared};
+use super::{Brush, DeformError, DisplacementVolume, Grab, Lattice, Limit, Limited, Prepared};
 use crate::math::{BackwardMap, OrientedBox};
 use crate::mesh::TriMesh;
 
@@ -14,6 +18,7 @@ use crate::mesh::TriMesh;
 pub enum Deformer {
     Displacement(DisplacementVolume),
     Grab(Grab),
+    Brush(Brush),
     Lattice(Lattice),
 }
 
@@ -23,6 +28,7 @@ impl Deformer {
         match self {
             Self::Displacement(d) => d.support(),
             Self::Grab(g) => g.support(),
+            Self::Brush(b) => b.support(),
             Self::Lattice(l) => l.support(),
         }
     }
@@ -32,11 +38,13 @@ impl Deformer {
         match self {
             Self::Displacement(d) => d.steepness(),
             Self::Grab(g) => g.steepness(),
+            Self::Brush(b) => b.steepness(),
             Self::Lattice(l) => l.steepness(),
         }
     }
 
-    /// The size of the smallest feature of the field, in world units: a polynomial piece of its splines, the width of a slope.
+    /// The size of the smallest feature of the field, in world units: a polynomial piece of its splines, the width of a slope, a
+    /// radian of a twist.
     pub fn feature_size(&self) -> f64 {
         match self {
             Self::Displacement(d) => {
@@ -45,6 +53,7 @@ impl Deformer {
                 e.u.min(e.v).min(e.length / 3.0) * 2.0 / 3.0
             }
             Self::Grab(g) => g.radius() / g.falloff().steepest(),
+            Self::Brush(b) => b.feature_size(),
             Self::Lattice(l) => l.step().min_element(),
         }
     }
@@ -54,15 +63,31 @@ impl Deformer {
         match (limit, self) {
             (Limit::Clamp { margin }, Self::Displacement(d)) => d.clamp_to_injective(margin).map(Self::Displacement),
             (Limit::Clamp { margin }, Self::Grab(g)) => g.clamp_to_injective(margin).map(Self::Grab),
+            (Limit::Clamp { margin }, Self::Brush(b)) => b.clamp_to_injective(margin).map(Self::Brush),
             (Limit::Clamp { margin }, Self::Lattice(l)) => l.clamp_to_injective(margin).map(Self::Lattice),
             (Limit::LetThrough, _) => {
                 let length = match self {
                     Self::Displacement(d) => d.vector().length(),
                     Self::Grab(g) => g.vector().length(),
+                    Self::Brush(b) => b.reach(),
                     Self::Lattice(l) => l.largest_vector(),
                 };
                 Limited { deformer: self.clone(), asked: length, kept: length }
             }
+        }
+    }
+
+    /// The same with its vector (a lattice: all of them; a brush: its amount or angle) times `scale`; `None` if nothing is
+    /// left to do.
+    pub fn scaled(&self, scale: f64) -> Option<Self> {
+        if scale == 0.0 {
+            return None;
+        }
+        match self {
+            Self::Displacement(d) => d.scaled(scale).ok().map(Self::Displacement),
+            Self::Grab(g) => g.scaled(scale).ok().map(Self::Grab),
+            Self::Brush(b) => b.scaled(scale).ok().map(Self::Brush),
+            Self::Lattice(l) => l.scaled(scale).ok().map(Self::Lattice),
         }
     }
 
@@ -74,6 +99,7 @@ impl Deformer {
         Ok(match self {
             Self::Displacement(d) => Self::Displacement(d.mirrored(origin, normal)?),
             Self::Grab(g) => Self::Grab(g.mirrored(origin, normal)?),
+            Self::Brush(b) => Self::Brush(b.mirrored(origin, normal)?),
             Self::Lattice(l) => Self::Lattice(l.mirrored(origin, normal)?),
         })
     }
@@ -85,6 +111,7 @@ impl BackwardMap for Deformer {
         match self {
             Self::Displacement(d) => p - d.vector() * d.kernel(DVec3::ZERO).value(p.to_array()),
             Self::Grab(g) => p - g.vector() * g.kernel(DVec3::ZERO).value(p.to_array()),
+            Self::Brush(b) => p - DVec3::from(b.kernel(DVec3::ZERO).displacement(p.to_array())),
             Self::Lattice(l) => p - DVec3::from(l.kernel().displacement(p.to_array())),
         }
     }
@@ -94,6 +121,7 @@ impl BackwardMap for Deformer {
         let (displacement, gradient) = match self {
             Self::Displacement(d) => along(d.vector(), d.kernel(DVec3::ZERO).value_and_gradient(p.to_array())),
             Self::Grab(g) => along(g.vector(), g.kernel(DVec3::ZERO).value_and_gradient(p.to_array())),
+            Self::Brush(b) => brushed(&b.kernel(DVec3::ZERO), p),
             Self::Lattice(l) => with_gradient(&l.kernel(), p),
         };
         (p - displacement, DMat3::IDENTITY - gradient)
@@ -115,7 +143,15 @@ pub(super) fn with_gradient(kernel: &LatticeKernel<f64>, p: DVec3) -> (DVec3, DM
     (d.into(), DMat3::from_cols_array_2d(&gradient))
 }
 
+/// The same of a brush.
+pub(super) fn brushed(kernel: &BrushKernel<f64>, p: DVec3) -> (DVec3, DMat3) {
+    let (d, gradient) = kernel.displacement_with_gradient(p.to_array());
+    (d.into(), DMat3::from_cols_array_2d(&gradient).transpose())
+}
+
 /// A deformer in a document.
+///
+/// An opacity of 1 is not written, so that files from before there was one read and are written as they were.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Deformation {
@@ -127,16 +163,43 @@ pub struct Deformation {
     pub moves_shape: bool,
     #[serde(default = "enabled")]
     pub enabled: bool,
+    /// How much of it takes effect, 0 to 1: the deformer is [scaled](Deformer::scaled) by it.
+    #[serde(default = "whole", skip_serializing_if = "is_whole", deserialize_with = "opacity")]
+    pub opacity: f64,
 }
 
 fn enabled() -> bool {
     true
 }
 
+fn whole() -> f64 {
+    1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+fn is_whole(opacity: &f64) -> bool {
+    *opacity == 1.0
+}
+
+fn opacity<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    let opacity = f64::deserialize(from)?;
+    check_range("opacity", opacity, 0.0, 1.0).map_err(serde::de::Error::custom)?;
+    Ok(opacity)
+}
+
 impl Deformation {
-    /// Enabled, of the interior only.
+    /// Enabled, of the interior only, with its whole effect.
     pub fn new(name: impl Into<String>, deformer: Deformer) -> Self {
-        Self { name: name.into(), deformer, moves_shape: false, enabled: true }
+        Self { name: name.into(), deformer, moves_shape: false, enabled: true, opacity: 1.0 }
+    }
+
+    /// What takes effect; `None` if it is disabled or of no effect. An opacity out of its range counts as the nearest in it.
+    pub fn effect(&self) -> Option<Cow<'_, Deformer>> {
+        match self.opacity.clamp(0.0, 1.0) {
+            _ if !self.enabled => None,
+            1.0 => Some(Cow::Borrowed(&self.deformer)),
+            opacity => self.deformer.scaled(opacity).map(Cow::Owned),
+        }
     }
 
     /// The same on the other side of the plane through `origin` across `normal`; the name says so.
@@ -157,9 +220,9 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// What is enabled, oldest first.
-    pub fn active(&self) -> impl DoubleEndedIterator<Item = &Deformer> {
-        self.items.iter().filter(|i| i.enabled).map(|i| &i.deformer)
+    /// What takes effect, by as much as it does, oldest first.
+    pub fn active(&self) -> impl DoubleEndedIterator<Item = Cow<'_, Deformer>> {
+        self.items.iter().filter_map(Deformation::effect)
     }
 
     /// The part of the stack that moves the mesh.
@@ -207,6 +270,6 @@ impl BackwardMap for Stack {
     }
 
     fn supports(&self) -> Vec<OrientedBox> {
-        self.active().map(Deformer::support).collect()
+        self.active().map(|d| d.support()).collect()
     }
 }

@@ -285,15 +285,16 @@ fn unfolded(document: &Document, warnings: &mut Vec<String>) -> Stack {
     if document.allow_folds {
         return stack;
     }
-    for (i, item) in stack.items.iter_mut().enumerate().filter(|(_, item)| item.enabled) {
-        let limited = item.deformer.limited(Limit::default());
+    for (i, item) in stack.items.iter_mut().enumerate() {
+        let Some(effect) = item.effect() else { continue };
+        let limited = effect.limited(Limit::default());
         if limited.held_back() > 0.0 {
             let name = if item.name.is_empty() { format!("stroke {}", i + 1) } else { format!("'{}'", item.name) };
             warnings.push(format!(
                 "{name} is held back: {:.3} of {:.3} units, longer would fold (widen its extent, or set \"allow_folds\": true)",
                 limited.kept, limited.asked
             ));
-            item.deformer = limited.deformer;
+            (item.deformer, item.opacity) = (limited.deformer, 1.0);
         }
     }
     stack
@@ -395,13 +396,19 @@ fn grown_box(grid: &Grid, stack: &Stack) -> TriMesh {
     let (mut lo, mut hi) = (DVec3::ZERO, DVec3::ONE);
     for deformer in stack.active() {
         // the displacement is a convex combination of nothing and these vectors, and stays inside the support
-        let vectors = match deformer {
-            Deformer::Displacement(d) => vec![d.vector()],
-            Deformer::Grab(g) => vec![g.vector()],
-            Deformer::Lattice(l) => l.handles().to_vec(),
+        let texture = |v: DVec3| texture_from_world.transform_vector3(v);
+        let moves: Vec<DVec3> = match &*deformer {
+            Deformer::Displacement(d) => vec![texture(d.vector())],
+            Deformer::Grab(g) => vec![texture(g.vector())],
+            Deformer::Brush(b) => {
+                // in any direction: the corners of the box around a ball
+                let rows = texture_from_world.matrix3.transpose();
+                let most = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length()) * b.reach();
+                vec![most, -most]
+            }
+            Deformer::Lattice(l) => l.handles().iter().map(|v| texture(*v)).collect(),
         };
-        let moves = vectors.iter().map(|v| texture_from_world.transform_vector3(*v));
-        let (least, most) = moves.fold((DVec3::ZERO, DVec3::ZERO), |(a, b), v| (a.min(v), b.max(v)));
+        let (least, most) = moves.into_iter().fold((DVec3::ZERO, DVec3::ZERO), |(a, b), v| (a.min(v), b.max(v)));
         let corners = deformer.support().corners().map(|c| texture_from_world.transform_point3(c));
         let (from, to) = corners.iter().fold((corners[0], corners[0]), |(a, b), c| (a.min(*c), b.max(*c)));
         (lo, hi) = (lo.min((lo + least).max(from)), hi.max((hi + most).min(to)));

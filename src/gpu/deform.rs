@@ -10,7 +10,7 @@ use crate::deform::{Deformer, Falloff, Stack};
 /// Steps, newest first, and the coefficients of lattices, as `shaders/deform.wgsl` wants them; relative to `center`.
 pub fn records(stack: &Stack, center: DVec3) -> (Vec<StepRecord>, Vec<[f32; 4]>) {
     let mut coefficients = Vec::new();
-    let steps = stack.active().rev().map(|d| record(d, center, &mut coefficients)).collect();
+    let steps = stack.active().rev().map(|d| record(&d, center, &mut coefficients)).collect();
     (steps, coefficients)
 }
 
@@ -30,11 +30,7 @@ fn record(deformer: &Deformer, center: DVec3, coefficients: &mut Vec<[f32; 4]>) 
             }
         }
         Deformer::Grab(g) => {
-            let (falloff, core) = match g.falloff() {
-                Falloff::Smooth => (0, 0.0),
-                Falloff::Spline => (1, 0.0),
-                Falloff::Core(core) => (2, core as f32),
-            };
+            let (falloff, core) = profile(g.falloff());
             StepRecord {
                 kind: 1,
                 falloff,
@@ -42,6 +38,22 @@ fn record(deformer: &Deformer, center: DVec3, coefficients: &mut Vec<[f32; 4]>) 
                 center: vector(g.displaced() - center),
                 inverse_radius: (1.0 / g.radius()) as f32,
                 vector: vector(g.vector()),
+                ..StepRecord::default()
+            }
+        }
+        Deformer::Brush(b) => {
+            let (falloff, core) = profile(b.falloff());
+            let (generator, turns) = b.generator();
+            StepRecord {
+                kind: if turns.is_some() { 4 } else { 3 },
+                falloff,
+                core,
+                center: vector(b.center() - center),
+                inverse_radius: (1.0 / b.radius()) as f32,
+                turns: turns.unwrap_or(0.0) as f32,
+                axis_u: vector(generator.x_axis),
+                axis_v: vector(generator.y_axis),
+                axis_w: vector(generator.z_axis),
                 ..StepRecord::default()
             }
         }
@@ -70,6 +82,15 @@ fn record(deformer: &Deformer, center: DVec3, coefficients: &mut Vec<[f32; 4]>) 
                 ..StepRecord::default()
             }
         }
+    }
+}
+
+/// Number of a falloff in the shader, and its core.
+fn profile(falloff: Falloff) -> (u32, f32) {
+    match falloff {
+        Falloff::Smooth => (0, 0.0),
+        Falloff::Spline => (1, 0.0),
+        Falloff::Core(core) => (2, core as f32),
     }
 }
 

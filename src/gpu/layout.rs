@@ -32,7 +32,7 @@ pub struct StepRecord {
     pub center: [f32; 3],
     pub inverse_radius: f32,
     pub vector: [f32; 3],
-    pub pad: f32,
+    pub turns: f32,
     pub axis_u: [f32; 3],
     pub cells_u: f32,
     pub axis_v: [f32; 3],

@@ -1,4 +1,4 @@
-//! L0: spaces, oriented boxes and B-splines. Everything is `f64`, but for the blocks of hot loops ([`Block`]), which may be `f32`.
+//! L0: spaces, oriented boxes, B-splines and turns. Everything is `f64`, but for the blocks of hot loops ([`Block`]), which may be `f32`.
 
 mod backward;
 mod block;
@@ -7,6 +7,7 @@ mod oriented_box;
 pub mod parallel;
 mod plane;
 mod real;
+pub mod turn;
 
 pub use backward::{BackwardMap, Identity};
 pub use block::{BLOCK, Block, BlockMap, JacobianBlock};

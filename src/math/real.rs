@@ -23,6 +23,8 @@ pub trait Real:
     fn magnitude(self) -> Self;
     fn root(self) -> Self;
     fn inverse(self) -> Self;
+    /// The nearest whole number, of numbers up to some millions.
+    fn nearest(self) -> Self;
     /// The largest whole number that is not larger; 0 for negative numbers and NaN.
     fn floor_index(self) -> usize;
 
@@ -59,6 +61,12 @@ macro_rules! real {
             #[inline(always)]
             fn inverse(self) -> Self {
                 1.0 / self
+            }
+            #[inline(always)]
+            fn nearest(self) -> Self {
+                // numbers of this size have no digits behind the point; additions are vector instructions everywhere
+                const SHIFT: $t = 1.5 / <$t>::EPSILON;
+                (self + SHIFT) - SHIFT
             }
             #[inline(always)]
             fn floor_index(self) -> usize {
