@@ -9,7 +9,8 @@
 //!
 //! A closed triangle mesh ([`mesh`]) gives the object its *shape*, a 3D texture ([`volume`]) its *appearance*
 //! (Westermann and Rezk-Salama 2001, section 2). [`deform`] answers, for a point of the deformed object, where in the
-//! undeformed volume its value comes from. [`cli`] is a thin door: it asks [`evaluate`] for results.
+//! undeformed volume its value comes from. [`app`] and [`cli`] are thin doors: both turn what the user says into
+//! [`scene::Edit`]s and ask [`evaluate`] for results.
 //!
 //! # Layers
 //!
@@ -20,9 +21,9 @@
 //! | L0 | [`math`]: spaces, oriented boxes, quadratic B-splines |
 //! | L1 | [`volume`]: grid with its affine frame, sampling, histogram, transfer function, phantoms; [`mesh`]: surface mesh with edge list, checks, primitives; tetrahedral meshes, cells that become such, and how they are made |
 //! | L2 | [`io`], [`deform`], [`slice`](mod@slice), [`tessellate`], [`subdivide`], [`render`] (view, shading, the CPU renderer of slice geometry), [`warp`]: tetrahedron rasterization, [`compare`]: metrics of pictures and volumes |
-//! | L3 | [`scene`]: the document; [`gpu`]: device, passes, readback |
+//! | L3 | [`scene`]: the document, edits, history, project file; [`gpu`]: device, passes, readback |
 //! | L4 | [`evaluate`]: document -> derived data, on CPU or GPU; export |
-//! | L5 | [`cli`]: one file per verb |
+//! | L5 | [`app`]: the modeller's window; [`cli`]: one file per verb |
 //!
 //! # Three spaces, one notation
 //!
@@ -30,6 +31,7 @@
 //! named `target_from_source`: `texture_from_world * point_in_world`. Start reading at [`evaluate`].
 #![forbid(unsafe_code)]
 
+pub mod app;
 pub mod cli;
 pub mod compare;
 pub mod deform;

@@ -19,6 +19,7 @@ const LAYERS: &[(&str, u8)] = &[
     ("scene", 3),
     ("gpu", 3),
     ("evaluate", 4),
+    ("app", 5),
     ("cli", 5),
 ];
 

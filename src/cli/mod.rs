@@ -1,5 +1,6 @@
 //! L5: the command line, one file per verb. Exit 0, 1 (the work failed), 2 (bad usage).
 
+mod app;
 mod bench;
 mod compare;
 mod convert;
@@ -15,7 +16,9 @@ use std::io::Write;
 use std::panic::catch_unwind;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Parser, Subcommand};
+
+use crate::evaluate::picture::Backend;
 
 /// Sculpt a volume: pull and bend a CT scan, a simulation or a painted 3D texture like clay, without losing its inside.
 #[derive(Parser)]
@@ -33,6 +36,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    App(app::Args),
     Info(info::Args),
     Convert(convert::Args),
     Slice(slice::Args),
@@ -50,8 +54,11 @@ struct Answer {
     text: String,
 }
 
-/// Parses the arguments, runs the verb, and says what went wrong in one sentence.
-pub fn main() -> ExitCode {
+/// Opens the modeller on files; the window is not the command line's.
+pub type OpenWindow = fn(Vec<String>, Backend) -> Result<(), String>;
+
+/// Parses the arguments, runs the verb, and says what went wrong in one sentence. Without a verb the window opens.
+pub fn main(open: OpenWindow) -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) => {
@@ -67,9 +74,10 @@ pub fn main() -> ExitCode {
         eprintln!("voxclay: cannot start {n} threads: {e}");
         return ExitCode::from(1);
     }
-    let Some(verb) = cli.verb else {
-        eprintln!("{}", Cli::command().render_help());
-        return ExitCode::from(2);
+    let verb = match cli.verb {
+        Some(Verb::App(args)) => return window(&args, open),
+        None => return window(&app::Args::default(), open),
+        Some(verb) => verb,
     };
     // a panic is our bug, but a user gets a sentence, not a backtrace
     std::panic::set_hook(Box::new(|_| {}));
@@ -96,8 +104,21 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// The modeller has its own ways to say what went wrong; only that it cannot begin is said here.
+fn window(args: &app::Args, open: OpenWindow) -> ExitCode {
+    match app::run(args, open) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("voxclay: {e:#}");
+            ExitCode::from(1)
+        }
+    }
+}
+
 fn run(verb: &Verb) -> anyhow::Result<Answer> {
     match verb {
+        // has no answer: it was opened before
+        Verb::App(_) => Ok(Answer { json: serde_json::Value::Null, text: String::new() }),
         Verb::Info(args) => info::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Slice(args) => slice::run(args).map(|json| Answer { text: format!("{json:#}\n"), json }),

@@ -11,8 +11,8 @@ use crate::deform::Prepared;
 use crate::math::BackwardMap;
 use crate::mesh::TriMesh;
 use crate::render::{Camera, Projection, Shading};
-use crate::volume::sampling::Sampler;
 use crate::volume::Volume;
+use crate::volume::sampling::Sampler;
 use crate::with_samples;
 
 /// A line of sight in the world.
@@ -201,6 +201,7 @@ impl<'a> Probe<'a> {
 /// Trilinear real value at voxel coordinates, of the channel that carries the opacity.
 fn value(volume: &Volume, voxel: DVec3) -> Option<f64> {
     let channels = volume.channels;
-    let found = with_samples!(&volume.samples, samples => Sampler::new(samples, volume.grid.dims, channels).linear(voxel));
+    let found =
+        with_samples!(&volume.samples, samples => Sampler::new(samples, volume.grid.dims, channels).linear(voxel));
     found.map(|v| volume.rescale.real(v[channels - 1]))
 }

@@ -132,7 +132,8 @@ pub fn write_project(path: &Path, document: &Document, kept: &Kept<'_>) -> Resul
     let mut samples = None;
     if let Some(volume) = kept.embed {
         let beside = tempfile::Builder::new().suffix(".nrrd").tempfile();
-        let beside = beside.map_err(|source| ProjectError::System { path: path.to_owned(), action: "write", source })?;
+        let beside =
+            beside.map_err(|source| ProjectError::System { path: path.to_owned(), action: "write", source })?;
         io::write_volume(beside.path(), volume, &io::WriteOptions::default())?;
         samples = Some(beside);
         document.volume = VolumeSource::Embedded(path.file_name().map(PathBuf::from).unwrap_or_default());
@@ -162,11 +163,7 @@ pub fn write_project(path: &Path, document: &Document, kept: &Kept<'_>) -> Resul
 }
 
 /// An entry of at most [`LARGEST`] bytes, if there is one of this name.
-fn entry(
-    path: &Path,
-    zip: &mut ZipArchive<BufReader<File>>,
-    name: &str,
-) -> Result<Option<Vec<u8>>, ProjectError> {
+fn entry(path: &Path, zip: &mut ZipArchive<BufReader<File>>, name: &str) -> Result<Option<Vec<u8>>, ProjectError> {
     match zip.by_name(name) {
         Ok(entry) => limited(path, entry).map(Some),
         Err(zip::result::ZipError::FileNotFound) => Ok(None),

@@ -1,0 +1,579 @@
+//! The bars round the view, and the questions that are asked.
+
+use eframe::egui::{self, Align, Layout as Flow, RichText, Vec2};
+use egui_material_icons::{MaterialIcon, icons};
+
+use super::keys;
+use super::modeller::{After, Doing, Modeller, Question};
+use super::panels::{self, Pane};
+use super::sculpt::Tool;
+use super::settings::ThemeChoice;
+use super::tasks::{self, Purpose};
+use super::theme;
+use super::turntable::Turntable;
+use crate::evaluate::picture::Mode;
+
+/// A button with an icon only; the tooltip is its name.
+pub fn icon_button(ui: &mut egui::Ui, icon: MaterialIcon, name: &str, enabled: bool) -> bool {
+    let button = egui::Button::new(icon.rich_text().size(18.0)).min_size(Vec2::splat(26.0)).frame(false);
+    let response = ui.add_enabled(enabled, button).on_hover_text(name).on_disabled_hover_text(name);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, enabled, name));
+    response.clicked()
+}
+
+pub fn top_bar(m: &mut Modeller, ui: &mut egui::Ui) {
+    ui.set_height(theme::TOP_BAR);
+    egui::MenuBar::new().ui(ui, |ui| {
+        ui.set_height(theme::TOP_BAR);
+        let ctx = ui.ctx().clone();
+        file_menu(m, ui, &ctx);
+        edit_menu(m, ui, &ctx);
+        view_menu(m, ui);
+        ui.menu_button("Help", |ui| {
+            if item(ui, "Keys", "?") {
+                m.question = Some(Question::Keys);
+            }
+            if item(ui, "About", "") {
+                m.question = Some(Question::About);
+            }
+        });
+        ui.add_space(16.0);
+        modes(m, ui);
+        ui.with_layout(Flow::right_to_left(Align::Center), |ui| {
+            let (at, count) = m.desk.as_ref().map_or((0, 0), |d| (d.history.at(), d.history.steps().len()));
+            if icon_button(ui, icons::ICON_REDO, "Redo (Ctrl Shift Z)", at + 1 < count) {
+                m.redo();
+            }
+            if icon_button(ui, icons::ICON_UNDO, "Undo (Ctrl Z)", at > 0) {
+                m.undo();
+            }
+            if let Some(desk) = &m.desk {
+                ui.add_space(8.0);
+                ui.add(egui::Label::new(RichText::new(desk.title()).color(theme::dim(ui))).truncate());
+            }
+        });
+    });
+}
+
+/// How the interior is deformed, and whether two ways are compared.
+fn modes(m: &mut Modeller, ui: &mut egui::Ui) {
+    for (mode, name, key, what) in [
+        (Mode::Slicing, "Slicing", 1, "texture coordinates displaced on a subdivision of each slice"),
+        (Mode::SlicingExact, "Exact", 2, "the backward map for every fragment"),
+        (Mode::Tets, "Tets", 3, "the volume warped through a lattice of tetrahedra, then drawn"),
+    ] {
+        let button = egui::Button::selectable(m.view.mode == mode, name).frame_when_inactive(true);
+        if ui.add(button).on_hover_text(format!("{what} ({key})")).clicked() {
+            m.view.mode = mode;
+        }
+    }
+    ui.add_space(8.0);
+    let button = egui::Button::selectable(m.view.compare, "A/B").frame_when_inactive(true);
+    if ui.add(button).on_hover_text("Compare with another mode or the original (A)").clicked() {
+        m.view.compare = !m.view.compare;
+        if m.view.compare {
+            panels::open(&mut m.tree, Pane::Compare);
+        }
+    }
+}
+
+fn item(ui: &mut egui::Ui, name: &str, key: &str) -> bool {
+    let clicked = ui.add(egui::Button::new(name).shortcut_text(key)).clicked();
+    if clicked {
+        ui.close();
+    }
+    clicked
+}
+
+fn file_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
+    ui.menu_button("File", |ui| {
+        ui.set_min_width(220.0);
+        ui.menu_button("New", |ui| {
+            for phantom in crate::volume::phantom::Phantom::ALL {
+                if ui.button(phantom.name()).on_hover_text(phantom.description()).clicked() {
+                    m.open(ctx, &format!("phantom:{}:192", phantom.name()));
+                    ui.close();
+                }
+            }
+        });
+        if item(ui, "Open…", "Ctrl O") {
+            m.question = Some(Question::Open { word: String::new(), wrong: None });
+        }
+        ui.menu_button("Open recent", |ui| {
+            let recent = m.settings.recent.clone();
+            if recent.is_empty() {
+                ui.label(RichText::new("Nothing yet").weak());
+            }
+            for path in recent {
+                let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+                if ui.button(name).on_hover_text(path.to_string_lossy()).clicked() {
+                    m.open(ctx, &path.to_string_lossy());
+                    ui.close();
+                }
+            }
+        });
+        ui.separator();
+        if item(ui, "Save", "Ctrl S") {
+            m.save(ctx, After::Nothing);
+        }
+        if item(ui, "Save as…", "Ctrl Shift S") {
+            let word = m.desk.as_ref().map_or_else(String::new, |d| super::modeller::suggested(d, "voxclay"));
+            m.question = Some(Question::Save { word, embed: false, then: After::Nothing });
+        }
+        ui.separator();
+        if item(ui, "Export volume…", "Ctrl E") {
+            panels::open(&mut m.tree, Pane::Export);
+        }
+        if item(ui, "Picture…", "Ctrl P") {
+            let word = m.desk.as_ref().map_or_else(String::new, |d| super::modeller::suggested(d, "png"));
+            m.question = Some(Question::Screenshot { word, transparent: false });
+        }
+        if item(ui, "Turntable…", "") {
+            let word = m.desk.as_ref().map_or_else(String::new, |d| super::modeller::suggested(d, "gif"));
+            m.question = Some(Question::Turntable { word, frames: 72, seconds: 6.0 });
+        }
+        ui.separator();
+        if item(ui, "Quit", "Ctrl Q") {
+            m.quit(ctx);
+        }
+    });
+}
+
+fn edit_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
+    ui.menu_button("Edit", |ui| {
+        ui.set_min_width(200.0);
+        if item(ui, "Undo", "Ctrl Z") {
+            m.undo();
+        }
+        if item(ui, "Redo", "Ctrl Shift Z") {
+            m.redo();
+        }
+        ui.separator();
+        if item(ui, "Copy the stack", "Ctrl C") {
+            panels::deform::copy(m, ctx);
+        }
+        if item(ui, "Paste a stack", "Ctrl V") {
+            panels::deform::paste_own(m);
+        }
+        ui.separator();
+        if item(ui, "Preferences…", "") {
+            m.question = Some(Question::Preferences);
+        }
+    });
+}
+
+fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
+    ui.menu_button("View", |ui| {
+        ui.set_min_width(200.0);
+        for pane in Pane::ALL {
+            let mut on = panels::is_open(&m.tree, pane);
+            if pane != Pane::View && ui.checkbox(&mut on, pane.name()).clicked() {
+                panels::toggle(&mut m.tree, pane);
+            }
+        }
+        ui.separator();
+        ui.checkbox(&mut m.view.overlays, "Overlays   H");
+        ui.checkbox(&mut m.view.proxy, "Proxy wireframe");
+        ui.checkbox(&mut m.view.boxes, "Box of the selected deformation");
+        ui.checkbox(&mut m.view.tessellation, "Tessellation of a slice   W");
+        ui.checkbox(&mut m.view.cube, "Texture cube   Tab");
+        ui.checkbox(&mut m.show_trace, "Times   F12");
+        ui.separator();
+        if let Some(scene) = super::view::scene(m) {
+            if item(ui, "Frame all", "Home") {
+                m.edit(crate::scene::Edit::SetCamera(super::navigate::frame(&scene.spec)));
+            }
+            for standard in super::navigate::Standard::ALL {
+                if item(ui, standard.name(), standard.key()) {
+                    m.edit(crate::scene::Edit::SetCamera(standard.of(&scene.spec)));
+                }
+            }
+        }
+    });
+}
+
+fn tool_icon(tool: Tool) -> MaterialIcon {
+    match tool {
+        Tool::Grab => icons::ICON_PAN_TOOL,
+        Tool::Push => icons::ICON_TOUCH_APP,
+        Tool::Pinch => icons::ICON_COMPRESS,
+        Tool::Inflate => icons::ICON_BUBBLE_CHART,
+        Tool::Twist => icons::ICON_CYCLONE,
+        Tool::Smooth => icons::ICON_BLUR_ON,
+        Tool::Lattice => icons::ICON_GRID_ON,
+        Tool::Place => icons::ICON_OPEN_WITH,
+        Tool::Pick => icons::ICON_COLORIZE,
+        Tool::Measure => icons::ICON_STRAIGHTEN,
+    }
+}
+
+pub fn tool_bar(m: &mut Modeller, ui: &mut egui::Ui) {
+    ui.spacing_mut().item_spacing = Vec2::splat(theme::GAP);
+    ui.spacing_mut().button_padding = Vec2::ZERO;
+    ui.add_space(6.0);
+    for tool in Tool::ALL {
+        let on = m.hand.tool == tool;
+        if tool == Tool::Lattice || tool == Tool::Pick {
+            ui.add_space(theme::GAP);
+        }
+        let button = egui::Button::new(tool_icon(tool).rich_text().size(20.0)).selected(on).frame_when_inactive(false);
+        let name = format!("{} ({})", tool.name(), tool.key());
+        let response =
+            ui.add_sized(Vec2::splat(theme::TOOL_BUTTON), button).on_hover_text(format!("{name}\n{}", tool.hint()));
+        response.widget_info(|| egui::WidgetInfo::selected(egui::Role::RadioButton, true, on, tool.name()));
+        if response.clicked() {
+            m.set_tool(tool);
+        }
+    }
+    ui.add_space(theme::GAP * 2.0);
+    for (axis, name) in ["X", "Y", "Z"].into_iter().enumerate() {
+        let on = m.hand.mirror[axis];
+        let text = RichText::new(name).color(if on { theme::AXES[axis] } else { theme::dim(ui) }).strong();
+        let button = egui::Button::new(text).selected(on).frame_when_inactive(false);
+        let response = ui
+            .add_sized(Vec2::new(theme::TOOL_BUTTON, 24.0), button)
+            .on_hover_text(format!("Mirror strokes across the middle along {name} ({name})"));
+        response.widget_info(|| egui::WidgetInfo::selected(egui::Role::CheckBox, true, on, format!("Mirror {name}")));
+        if response.clicked() {
+            m.hand.mirror[axis] = !on;
+        }
+    }
+}
+
+pub fn status_bar(m: &mut Modeller, ui: &mut egui::Ui) {
+    let ctx = ui.ctx().clone();
+    ui.horizontal_centered(|ui| {
+        ui.style_mut().override_text_style = Some(egui::TextStyle::Small);
+        let hint = match m.doing {
+            Doing::Orbit => "Release to stop turning",
+            Doing::Pan => "Release to stop moving",
+            Doing::Stroke { .. } => "Release to keep the stroke; Esc gives it up",
+            Doing::Radius { .. } => "Move for the radius, click to keep it",
+            Doing::Strength { .. } => "Move for the strength, click to keep it",
+            Doing::Wipe => "Move the wipe",
+            _ => m.hand.tool.hint(),
+        };
+        ui.label(RichText::new(hint).color(theme::dim(ui)));
+        ui.with_layout(Flow::right_to_left(Align::Center), |ui| {
+            if let Some(shown) = &m.shown {
+                let r = &shown.report;
+                let state = if shown.last { "" } else { " …" };
+                ui.label(
+                    RichText::new(format!(
+                        "{:.0} ms  {} slices  {} triangles  {}{state}",
+                        r.ms_total,
+                        r.slices,
+                        thousands(r.triangles),
+                        r.backend.to_uppercase()
+                    ))
+                    .monospace()
+                    .size(11.0),
+                )
+                .on_hover_text(&r.device);
+                ui.separator();
+            }
+            if let (Some(hit), Some(desk)) = (&m.hover, &m.desk) {
+                let v = hit.voxel;
+                let p = hit.point;
+                let text = format!(
+                    "{:.5}  voxel {:.0} {:.0} {:.0}  {:.1} {:.1} {:.1} {}",
+                    trimmed(hit.value),
+                    v.x,
+                    v.y,
+                    v.z,
+                    p.x,
+                    p.y,
+                    p.z,
+                    desk.unit()
+                );
+                ui.label(RichText::new(text).monospace().size(11.0));
+                ui.separator();
+            }
+            for task in &m.tasks {
+                if task.can_cancel && icon_button(ui, icons::ICON_CLOSE, "Cancel", true) {
+                    task.cancel();
+                }
+                match task.progress() {
+                    Some(p) => {
+                        ui.add(egui::ProgressBar::new(p).desired_width(120.0).desired_height(8.0));
+                    }
+                    None => {
+                        ui.add(egui::Spinner::new().size(12.0));
+                    }
+                }
+                ui.label(&task.name);
+                // a task that moves is worth looking at
+                ctx.request_repaint_after(std::time::Duration::from_millis(100));
+            }
+        });
+    });
+}
+
+fn trimmed(v: f64) -> f64 {
+    if v.abs() < 1e-12 { 0.0 } else { v }
+}
+
+fn thousands(n: usize) -> String {
+    if n < 10_000 { n.to_string() } else { format!("{:.0} K", n as f64 / 1e3) }
+}
+
+/// The question that is open, over everything else.
+pub fn question(m: &mut Modeller, ctx: &egui::Context) {
+    let Some(question) = m.question.clone() else { return };
+    let mut next = Some(question.clone());
+    egui::Modal::new(egui::Id::unique("question")).show(ctx, |ui| {
+        ui.set_width(460.0);
+        match question {
+            Question::Open { mut word, mut wrong } => {
+                ui.heading("Open");
+                ui.label(RichText::new("A project, a volume, a surface for the shape, or phantom:NAME").weak());
+                let entered = path_field(ui, "Path", &mut word);
+                if let Some(wrong) = &wrong {
+                    ui.colored_label(theme::ERROR, wrong);
+                }
+                buttons(ui, |ui| {
+                    let open = ui.button("Open").clicked() || entered;
+                    let cancel = ui.button("Cancel").clicked();
+                    if ui.button("Browse…").clicked() {
+                        m.choose(ctx, Purpose::Open, None);
+                    }
+                    if open {
+                        match tasks::can_open(&word) {
+                            Ok(()) => {
+                                m.question = None;
+                                m.open(ctx, &word);
+                                next = m.question.clone();
+                                return;
+                            }
+                            Err(e) => wrong = Some(e),
+                        }
+                    }
+                    next = if cancel { None } else { Some(Question::Open { word: word.clone(), wrong: wrong.clone() }) };
+                });
+            }
+            Question::Save { mut word, mut embed, then } => {
+                ui.heading("Save the project");
+                let entered = path_field(ui, "Path", &mut word);
+                ui.checkbox(&mut embed, "Put the volume into the file")
+                    .on_hover_text("Otherwise the project refers to the volume's file");
+                buttons(ui, |ui| {
+                    let save = ui.button("Save").clicked() || entered;
+                    let cancel = ui.button("Cancel").clicked();
+                    if ui.button("Browse…").clicked() {
+                        m.choose(ctx, Purpose::Save, Some(tasks::typed_path(&word)));
+                    }
+                    next = Some(Question::Save { word: word.clone(), embed, then: then.clone() });
+                    if save && !word.trim().is_empty() {
+                        m.save_as(ctx, tasks::typed_path(&word), embed, then.clone());
+                        next = None;
+                    } else if cancel {
+                        next = None;
+                    }
+                });
+            }
+            Question::Screenshot { mut word, mut transparent } => {
+                ui.heading("Picture of the view");
+                let (w, h) = m.picture_size();
+                ui.label(RichText::new(format!("{w} x {h} pixels, supersampled")).weak());
+                let entered = path_field(ui, "Path", &mut word);
+                ui.checkbox(&mut transparent, "Transparent background");
+                buttons(ui, |ui| {
+                    let save = ui.button("Write").clicked() || entered;
+                    let cancel = ui.button("Cancel").clicked();
+                    if ui.button("Browse…").clicked() {
+                        m.choose(ctx, Purpose::Screenshot, Some(tasks::typed_path(&word)));
+                    }
+                    next = Some(Question::Screenshot { word: word.clone(), transparent });
+                    if save {
+                        m.screenshot(ctx, tasks::typed_path(&word), transparent);
+                        next = None;
+                    } else if cancel {
+                        next = None;
+                    }
+                });
+            }
+            Question::Turntable { mut word, mut frames, mut seconds } => {
+                ui.heading("Turntable");
+                ui.label(RichText::new(".gif, .mp4 (with ffmpeg), or .png for a row of pictures").weak());
+                let entered = path_field(ui, "Path", &mut word);
+                ui.horizontal(|ui| {
+                    let label = ui.label("Frames");
+                    ui.add(egui::DragValue::new(&mut frames).range(2..=3600)).labelled_by(label.id);
+                    let label = ui.label("Seconds");
+                    ui.add(egui::DragValue::new(&mut seconds).range(0.2..=600.0).speed(0.1)).labelled_by(label.id);
+                });
+                buttons(ui, |ui| {
+                    let make = ui.button("Make").clicked() || entered;
+                    let cancel = ui.button("Cancel").clicked();
+                    next = Some(Question::Turntable { word: word.clone(), frames, seconds });
+                    if make {
+                        let path = tasks::typed_path(&word);
+                        m.turntable(ctx, Turntable { path, frames, seconds });
+                        next = None;
+                    } else if cancel {
+                        next = None;
+                    }
+                });
+            }
+            Question::Unsaved(then) => {
+                ui.heading("There is unsaved work");
+                ui.label("Save it first?");
+                buttons(ui, |ui| {
+                    if ui.button("Save").clicked() {
+                        m.question = None;
+                        m.save(ctx, then.clone());
+                        next = m.question.clone();
+                    }
+                    if ui.button("Discard").clicked() {
+                        next = None;
+                        match &then {
+                            After::Open(word) => m.open_now(ctx, word),
+                            After::Quit => m.quit_now(ctx),
+                            After::Nothing => {}
+                        }
+                    }
+                    if ui.button("Cancel").clicked() {
+                        next = None;
+                    }
+                });
+            }
+            Question::Recover => {
+                ui.heading("Unsaved work was found");
+                ui.label("Voxclay did not close properly last time.");
+                let names: Vec<String> = m.lost.iter().map(|(_, a)| describe(a)).collect();
+                for (i, name) in names.iter().enumerate() {
+                    if ui.button(format!("Recover {name}")).clicked() {
+                        m.recover(ctx, i);
+                        next = None;
+                    }
+                }
+                buttons(ui, |ui| {
+                    if ui.button("Later").clicked() {
+                        next = None;
+                    }
+                    if ui.button("Discard").clicked() {
+                        m.discard_lost();
+                        next = None;
+                    }
+                });
+            }
+            Question::Keys => {
+                ui.heading("Keys");
+                let mut group = "";
+                egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
+                    for (g, key, what) in keys::MAP {
+                        if *g != group {
+                            ui.label(RichText::new(*g).strong());
+                            ui.end_row();
+                            group = g;
+                        }
+                        ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
+                        ui.label(*what);
+                        ui.end_row();
+                    }
+                });
+                buttons(ui, |ui| {
+                    if ui.button("Close").clicked() {
+                        next = None;
+                    }
+                });
+            }
+            Question::Preferences => {
+                ui.heading("Preferences");
+                let before = m.settings.clone();
+                egui::Grid::new("preferences").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
+                    ui.label("Theme");
+                    ui.horizontal(|ui| {
+                        ui.selectable_value(&mut m.settings.theme, ThemeChoice::Dark, "Dark");
+                        ui.selectable_value(&mut m.settings.theme, ThemeChoice::Light, "Light");
+                    });
+                    ui.end_row();
+                    let label = ui.label("Size of the interface");
+                    ui.add(egui::Slider::new(&mut m.settings.zoom, 0.6..=2.0).update_while_editing(false)).labelled_by(label.id);
+                    ui.end_row();
+                    let label = ui.label("Time for a picture while moving");
+                    ui.add(egui::Slider::new(&mut m.settings.preview_ms, 8.0..=200.0).suffix(" ms")).labelled_by(label.id);
+                    ui.end_row();
+                    let label = ui.label("Put unsaved work aside after");
+                    ui.add(egui::Slider::new(&mut m.settings.autosave_seconds, 0.5..=60.0).suffix(" s")).labelled_by(label.id);
+                    ui.end_row();
+                    let label = ui.label("Memory for undo");
+                    ui.add(egui::Slider::new(&mut m.settings.undo_megabytes, 1..=1024).logarithmic(true).suffix(" MB")).labelled_by(label.id);
+                    ui.end_row();
+                });
+                if m.settings != before {
+                    m.apply_settings(ctx);
+                }
+                buttons(ui, |ui| {
+                    if ui.button("Close").clicked() {
+                        next = None;
+                    }
+                });
+            }
+            Question::About => {
+                ui.heading(format!("Voxclay {}", env!("CARGO_PKG_VERSION")));
+                ui.label("Sculpts volumes: a scan, a simulation, a painted texture, bent like clay without losing its inside.");
+                ui.label(RichText::new("After Westermann and Rezk-Salama (2001) and Gascon et al. (2013).").weak());
+                buttons(ui, |ui| {
+                    if ui.button("Close").clicked() {
+                        next = None;
+                    }
+                });
+            }
+        }
+    });
+    m.question = next;
+}
+
+fn describe(aside: &super::recovery::Aside) -> String {
+    use crate::scene::VolumeSource;
+    let count = aside.document.stack.items.len();
+    let name = match (&aside.path, &aside.document.volume) {
+        (Some(p), _) | (None, VolumeSource::File(p) | VolumeSource::Embedded(p)) => {
+            p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+        }
+        (None, VolumeSource::Phantom { name, .. }) => name.clone(),
+    };
+    format!("{name} ({count} deformations)")
+}
+
+/// A line for a path; true if it was entered.
+fn path_field(ui: &mut egui::Ui, name: &str, word: &mut String) -> bool {
+    let label = ui.label(RichText::new(name).size(12.0));
+    let edit = egui::TextEdit::singleline(word).desired_width(f32::INFINITY);
+    let response = ui.add(edit).labelled_by(label.id);
+    if !response.has_focus() && !response.lost_focus() && ui.memory(|mem| mem.focused().is_none()) {
+        response.request_focus();
+    }
+    response.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter))
+}
+
+fn buttons(ui: &mut egui::Ui, add: impl FnOnce(&mut egui::Ui)) {
+    ui.add_space(8.0);
+    ui.horizontal(add);
+}
+
+/// How long the steps of the window took.
+pub fn trace(m: &Modeller, ctx: &egui::Context) {
+    egui::Window::new("Times")
+        .anchor(egui::Align2::RIGHT_TOP, [-(theme::INSPECTOR + 16.0), theme::TOP_BAR + 12.0])
+        .resizable(false)
+        .show(ctx, |ui| {
+            egui::Grid::new("trace").num_columns(5).spacing([12.0, 2.0]).show(ui, |ui| {
+                for head in ["ms", "median", "95 %", "worst", "count"] {
+                    ui.label(RichText::new(head).weak().size(11.0));
+                }
+                ui.end_row();
+                for (name, series) in m.trace.rows() {
+                    ui.label(RichText::new(name).size(11.0));
+                    let number = |v: Option<f32>| v.map_or_else(|| "–".to_owned(), |v| format!("{v:.2}"));
+                    let worst = (series.count > 0).then_some(series.worst);
+                    for v in [series.quantile(0.5), series.quantile(0.95), worst] {
+                        ui.label(RichText::new(number(v)).monospace().size(11.0));
+                    }
+                    ui.label(RichText::new(series.count.to_string()).monospace().size(11.0));
+                    ui.end_row();
+                }
+            });
+        });
+}

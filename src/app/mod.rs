@@ -1,0 +1,35 @@
+//! L5: the modeller: a window in which a volume is sculpted by hand.
+//!
+//! # Theory
+//!
+//! The window holds no geometry. It turns what the user does into [`Edit`](crate::scene::Edit)s of a small document with a
+//! [`History`](crate::scene::History), asks the [worker](worker) for pictures of it, and shows what comes: coarse while the
+//! hand moves, finer when it rests. Only the newest wish counts; answers carry a generation. Long work is a [task](tasks)
+//! with a line in the status bar. So a pass of the interface never waits: for the device, the disk or a lock that is held
+//! long.
+//!
+//! # Practice
+//!
+//! [`Modeller`] is the whole program but for its window, so that tests can drive it; [`run`] opens the window. The tools are
+//! pure ([`sculpt`], [`navigate`]); panels read the modeller and push edits.
+
+mod keys;
+mod menu;
+mod modeller;
+pub mod navigate;
+mod overlay;
+mod panels;
+pub mod recovery;
+pub mod sculpt;
+pub mod settings;
+mod slices;
+pub mod tasks;
+mod theme;
+pub mod trace;
+mod turntable;
+mod view;
+mod window;
+pub mod worker;
+
+pub use modeller::{After, Modeller, Start};
+pub use window::run;

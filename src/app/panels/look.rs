@@ -1,0 +1,100 @@
+//! How the object looks: transfer function, shading, light, slices.
+
+use eframe::egui::{self, Color32, Pos2, Sense, Stroke as Line, Vec2};
+use glam::DVec3;
+
+use super::{row, title, transfer};
+use crate::app::modeller::Modeller;
+use crate::app::theme;
+use crate::scene::{Edit, LookSpec, ShadingSpec};
+
+pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
+    let Some(desk) = &m.desk else { return };
+    let document = desk.history.document().clone();
+    let data = desk.data.clone();
+    let [lo, hi] = data.field.range;
+    let before = document.look;
+    let mut look = before;
+    title(ui, "Shading");
+    row(ui, "Show", |ui, _| {
+        let iso = matches!(look.shading, ShadingSpec::Iso { .. });
+        if ui.selectable_label(look.shading == ShadingSpec::Volume, "Volume").clicked() {
+            look.shading = ShadingSpec::Volume;
+        }
+        if ui.selectable_label(iso, "Iso").on_hover_text("The surface of one value").clicked() && !iso {
+            look.shading = ShadingSpec::Iso { value: None };
+        }
+        if ui.selectable_label(look.shading == ShadingSpec::Mip, "MIP").on_hover_text("Maximum intensity").clicked() {
+            look.shading = ShadingSpec::Mip;
+        }
+    });
+    if let ShadingSpec::Iso { value } = &mut look.shading {
+        let mut v = value.unwrap_or(data.iso);
+        let changed = row(ui, "Isovalue", |ui, id| {
+            ui.add(egui::Slider::new(&mut v, lo..=hi).max_decimals(4)).labelled_by(id).changed()
+        });
+        if changed {
+            *value = Some(v);
+        }
+    }
+    ui.checkbox(&mut look.lit, "Lit");
+    ui.checkbox(&mut look.preintegrated, "Pre-integrated")
+        .on_hover_text("Thin layers between two slices are not missed");
+    row(ui, "Light", |ui, _| light(ui, &mut look.light));
+    row(ui, "Slices", |ui, id| {
+        let mut all = look.slices.is_none();
+        if ui.checkbox(&mut all, "one per voxel").labelled_by(id).changed() {
+            look.slices = if all { None } else { Some(256) };
+        }
+        if let Some(n) = &mut look.slices {
+            let response = ui.add(egui::DragValue::new(n).range(8..=4096));
+            response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::SpinButton, true, "Number of slices"));
+        }
+    });
+    background(ui, &mut look);
+    if look != before {
+        m.edit(Edit::SetLook(look));
+    }
+    transfer::show(m, ui, &document, &data);
+}
+
+fn background(ui: &mut egui::Ui, look: &mut LookSpec) {
+    row(ui, "Background", |ui, _| {
+        let mut own = look.background.is_some();
+        let usual = theme::view_ground(ui.visuals().dark_mode);
+        if ui.checkbox(&mut own, "own colours").changed() {
+            look.background = own.then_some(usual);
+        }
+        if let Some([top, bottom]) = &mut look.background {
+            for (name, c) in [("Background, top", top), ("Background, bottom", bottom)] {
+                let response = ui.color_edit_button_rgb(c);
+                response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ColorWell, true, name));
+            }
+        }
+    });
+}
+
+/// A ball; where it is dragged, there the light is.
+fn light(ui: &mut egui::Ui, direction: &mut DVec3) {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(64.0), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "Direction of the light"));
+    let painter = ui.painter_at(rect);
+    let (center, radius) = (rect.center(), 28.0);
+    let unit = direction.normalize_or(DVec3::Z);
+    if let Some(at) = response.interact_pointer_pos() {
+        let p = (at - center) / radius;
+        let p = if p.length() > 0.98 { p.normalized() * 0.98 } else { p };
+        let (x, y) = (f64::from(p.x), f64::from(-p.y));
+        *direction = DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt());
+    }
+    // shaded as the light says
+    for i in 0..14 {
+        let t = i as f32 / 14.0;
+        let shift = Vec2::new(unit.x as f32, -unit.y as f32) * radius * 0.6 * t;
+        painter.circle_filled(center + shift, radius * (1.0 - t) + 1.0, Color32::from_gray((50.0 + 150.0 * t) as u8));
+    }
+    painter.circle_stroke(center, radius, Line::new(1.0, Color32::from_white_alpha(60)));
+    let dot: Pos2 = center + Vec2::new(unit.x as f32, -unit.y as f32) * radius;
+    painter.circle(dot, 4.0, theme::ACCENT, Line::new(1.0, Color32::BLACK));
+    response.on_hover_text("Drag to move the light");
+}

@@ -1,0 +1,113 @@
+//! What is open: the volume, its shape, where the shape lies.
+
+use eframe::egui::{self, RichText};
+
+use super::{number, row, title, vector};
+use crate::app::modeller::Modeller;
+use crate::app::tasks::Purpose;
+use crate::scene::{Edit, Placement, ProxySource, VolumeSource};
+
+pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
+    let Some(desk) = &m.desk else {
+        ui.label(RichText::new("Nothing is open. Drop a file, or press Ctrl O.").weak());
+        return;
+    };
+    let document = desk.history.document().clone();
+    let data = desk.data.clone();
+    let unit = desk.unit();
+    let triangles = desk.object.as_ref().map(|(_, o)| o.mesh.triangles.len());
+    let volume = &data.volume;
+    title(ui, "Volume");
+    let name = match &document.volume {
+        VolumeSource::File(p) => p.to_string_lossy().into_owned(),
+        VolumeSource::Embedded(_) => "inside the project".to_owned(),
+        VolumeSource::Phantom { name, size } => format!("phantom {name}, {size}"),
+    };
+    let [x, y, z] = volume.grid.dims;
+    let m3 = volume.grid.world_from_voxel.matrix3;
+    let [lo, hi] = data.field.range;
+    let megabytes = volume.samples.bytes().len() as f64 / 1e6;
+    for (what, text) in [
+        ("Source", name),
+        ("Size", format!("{x} x {y} x {z}, {megabytes:.0} MB")),
+        ("Type", format!("{:?}, {} channel(s)", volume.samples.scalar_type(), volume.channels)),
+        (
+            "Spacing",
+            format!("{:.3} x {:.3} x {:.3} {unit}", m3.x_axis.length(), m3.y_axis.length(), m3.z_axis.length()),
+        ),
+        ("Values", format!("{lo:.4} to {hi:.4}")),
+    ] {
+        row(ui, what, |ui, _| ui.add(egui::Label::new(text).truncate()));
+    }
+    title(ui, "Shape");
+    let mut edit = None;
+    row(ui, "Mesh", |ui, _| {
+        if ui.selectable_label(document.proxy == ProxySource::Box, "Box").clicked() {
+            edit = Some(Edit::SetProxy(ProxySource::Box));
+        }
+        let auto = matches!(document.proxy, ProxySource::Auto { .. });
+        if ui.selectable_label(auto, "Hull").on_hover_text("A smooth hull round everything above a value").clicked() {
+            edit = Some(Edit::SetProxy(ProxySource::Auto { iso: None }));
+        }
+        let mesh = matches!(document.proxy, ProxySource::Mesh(_));
+        if ui.selectable_label(mesh, "File…").on_hover_text("A closed surface: OBJ, STL, PLY").clicked() {
+            m.choose(ui.ctx(), Purpose::Proxy, None);
+        }
+    });
+    match &document.proxy {
+        ProxySource::Auto { iso } => {
+            let mut value = iso.unwrap_or(data.iso);
+            let speed = (hi - lo) / 400.0;
+            let changed = row(ui, "Above", |ui, id| {
+                ui.add(
+                    egui::DragValue::new(&mut value)
+                        .speed(speed)
+                        .range(lo..=hi)
+                        .max_decimals(4)
+                        .update_while_editing(false),
+                )
+                .labelled_by(id)
+                .changed()
+            });
+            if changed {
+                edit = Some(Edit::SetProxy(ProxySource::Auto { iso: Some(value) }));
+            }
+        }
+        ProxySource::Mesh(path) => {
+            let text = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+            row(ui, "File", |ui, _| ui.label(text));
+        }
+        ProxySource::Box => {}
+    }
+    if let Some(n) = triangles {
+        row(ui, "Triangles", |ui, _| ui.label(n.to_string()));
+    }
+    placement(m, ui, document.placement, unit);
+    if let Some(edit) = edit {
+        m.edit(edit);
+    }
+}
+
+/// Where the mesh lies in the texture cube.
+fn placement(m: &mut Modeller, ui: &mut egui::Ui, before: Placement, unit: &str) {
+    title(ui, "Placement in the texture cube");
+    let mut p = before;
+    vector(ui, "Move", &mut p.translate, 0.2, "");
+    vector(ui, "Turn", &mut p.rotate, 0.5, "°");
+    vector(ui, "Scale", &mut p.scale, 0.005, "");
+    p.scale = p.scale.map(|s| if s == 0.0 { 0.01 } else { s });
+    let mut uniform = 1.0;
+    row(ui, "Scale all", |ui, id| number(ui, id, &mut uniform, 0.005, " x"));
+    p.scale *= uniform.clamp(0.01, 100.0);
+    ui.horizontal(|ui| {
+        if ui.add_enabled(before != Placement::default(), egui::Button::new("Reset")).clicked() {
+            p = Placement::default();
+        }
+        ui.label(RichText::new(format!("in {unit} and degrees")).weak().size(11.0));
+    });
+    ui.checkbox(&mut m.view.cube, "Show the texture cube");
+    ui.checkbox(&mut m.view.proxy, "Show the mesh in the view");
+    if p != before {
+        m.edit(Edit::SetPlacement(p));
+    }
+}

@@ -1,0 +1,478 @@
+//! The thread that makes pictures: coarse while something moves, then finer and finer.
+//!
+//! The window says what it [wants](Want); only the newest wish counts, and its generation number tells a stale answer from a
+//! fresh one. A coarse picture is always finished, so that something moves under the hand; finer ones are given up as soon as
+//! there is a newer wish. How coarse is chosen from measured times.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Instant;
+
+use eframe::egui::{self, ColorImage};
+use glam::DVec3;
+
+use crate::compare::Difference;
+use crate::compare::picture::{DifferenceMap, Scale, pictures};
+use crate::deform::Stack;
+use crate::evaluate::load::{Data, Object, Workspace};
+use crate::evaluate::picture::{Backend, Mode, PictureReport, Refinement, Renderer, ViewOptions};
+use crate::evaluate::section::Section;
+use crate::evaluate::{EvaluateError, geometry, tets};
+use crate::render::{Camera, Look, Picture};
+use crate::scene::{CameraSpec, Document, LookSpec};
+
+/// What is held against the main picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Other {
+    /// The object before any deformation.
+    Original,
+    Mode(Mode),
+}
+
+/// What the window wants to see.
+#[derive(Debug, Clone)]
+pub struct Want {
+    pub data: Arc<Data>,
+    pub base: PathBuf,
+    pub document: Arc<Document>,
+    /// Of the main view, in pixels.
+    pub size: (u32, u32),
+    pub mode: Mode,
+    /// For A/B.
+    pub other: Option<Other>,
+    /// Something is under way: a coarse picture is enough.
+    pub moving: bool,
+    /// Milliseconds for a coarse picture.
+    pub budget: f32,
+    /// Sections through this point, so many pixels along their longer side.
+    pub sections: Option<(DVec3, usize)>,
+    /// Also the triangles of the middle slice.
+    pub tessellation: bool,
+    pub ground: [[f32; 3]; 2],
+}
+
+/// A picture and its other, if there is one.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    pub generation: u64,
+    pub image: Arc<ColorImage>,
+    pub other: Option<OtherShown>,
+    pub report: PictureReport,
+    /// Part of the full resolution along each side.
+    pub scale: f32,
+    pub moving: bool,
+    /// Nothing finer will come.
+    pub last: bool,
+    pub asked: Instant,
+}
+
+#[derive(Debug, Clone)]
+pub struct OtherShown {
+    pub image: Arc<ColorImage>,
+    /// In false colours.
+    pub difference: Arc<ColorImage>,
+    pub scale: Scale,
+    pub metrics: Difference,
+    pub report: PictureReport,
+}
+
+/// Three sections, across i, j and k.
+#[derive(Debug, Clone)]
+pub struct Sections {
+    pub planes: [(Section, Vec<f32>); 3],
+    pub point: DVec3,
+}
+
+/// What the worker has to say.
+#[derive(Debug)]
+pub enum News {
+    /// The object of a document, before any picture of it.
+    Object(Arc<Document>, Arc<Object>),
+    Picture(Box<Shown>),
+    Sections(Box<Sections>),
+    /// Edges of the triangles of the middle slice, in the world.
+    Tessellation(Vec<[DVec3; 2]>),
+    Failed(String),
+}
+
+struct Shared {
+    wish: Mutex<Option<(u64, Instant, Want)>>,
+    awake: Condvar,
+    /// Of the newest wish.
+    newest: AtomicU64,
+    /// The window has closed.
+    quit: std::sync::atomic::AtomicBool,
+}
+
+/// The window's end.
+pub struct Worker {
+    shared: Arc<Shared>,
+    news: Receiver<News>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Worker {
+    /// Starts the thread; `ctx` is woken whenever there is news.
+    pub fn new(ctx: &egui::Context, backend: Backend) -> Self {
+        let shared = Arc::new(Shared {
+            wish: Mutex::new(None),
+            awake: Condvar::new(),
+            newest: AtomicU64::new(0),
+            quit: false.into(),
+        });
+        let (send, news) = channel();
+        let (theirs, ctx) = (shared.clone(), ctx.clone());
+        let thread = std::thread::Builder::new().name("pictures".to_owned()).spawn(move || {
+            Painter {
+                shared: theirs,
+                send,
+                ctx,
+                backend,
+                renderer: None,
+                known: None,
+                warped: None,
+                pace: Pace::default(),
+            }
+            .run();
+        });
+        Self { shared, news, thread: thread.ok() }
+    }
+
+    /// Replaces what was wanted before.
+    pub fn want(&self, want: Want) -> u64 {
+        let generation = self.shared.newest.fetch_add(1, Ordering::SeqCst) + 1;
+        *self.shared.wish.lock().unwrap_or_else(PoisonError::into_inner) = Some((generation, Instant::now(), want));
+        self.shared.awake.notify_one();
+        generation
+    }
+
+    pub fn news(&self) -> impl Iterator<Item = News> + '_ {
+        self.news.try_iter()
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.shared.quit.store(true, Ordering::SeqCst);
+        self.shared.newest.fetch_add(1, Ordering::SeqCst);
+        self.shared.awake.notify_one();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What pictures cost here, learned from those that were made.
+#[derive(Debug, Clone, Copy)]
+struct Pace {
+    /// Nanoseconds for a pixel of a slice.
+    pixel: f64,
+    /// Milliseconds for slices and whatever else does not depend on the number of pixels.
+    fixed: f64,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        // a slow machine: the first picture is soon there, and tells the truth
+        Self { pixel: 4.0, fixed: 8.0 }
+    }
+}
+
+impl Pace {
+    fn learn(&mut self, report: &PictureReport, (w, h): (u32, u32)) {
+        let work = f64::from(w) * f64::from(h) * report.slices.max(1) as f64;
+        let mix = |old: f64, new: f64| 0.6 * old + 0.4 * new;
+        self.pixel = mix(self.pixel, report.ms_draw * 1e6 / work.max(1.0)).clamp(1e-4, 1e3);
+        self.fixed = mix(self.fixed, report.ms_geometry);
+    }
+
+    /// The part of the full resolution that fits into `budget` milliseconds.
+    fn scale(&self, (w, h): (u32, u32), slices: f64, budget: f64) -> f64 {
+        let full = self.pixel * 1e-6 * f64::from(w) * f64::from(h) * slices;
+        ((budget - self.fixed).max(0.25 * budget) / full.max(1e-9)).sqrt().clamp(COARSEST, 1.0)
+    }
+}
+
+/// Coarser than this nothing can be made out.
+const COARSEST: f64 = 0.2;
+/// Milliseconds of a picture between the coarse and the full one.
+const BETWEEN: f64 = 160.0;
+
+struct Painter {
+    shared: Arc<Shared>,
+    send: Sender<News>,
+    ctx: egui::Context,
+    backend: Backend,
+    renderer: Option<Renderer>,
+    known: Option<Known>,
+    /// Of the known object.
+    warped: Option<Arc<Object>>,
+    pace: Pace,
+}
+
+/// What the last picture was of.
+struct Known {
+    data: Arc<Data>,
+    base: PathBuf,
+    workspace: Workspace,
+    made: Option<(Arc<Document>, Arc<Object>)>,
+}
+
+impl Painter {
+    fn run(&mut self) {
+        while let Some((generation, asked, want)) = self.next() {
+            if let Err(e) = self.serve(generation, asked, &want) {
+                self.say(News::Failed(e.to_string()));
+                if matches!(e, EvaluateError::Gpu(_)) {
+                    // the device may be gone for good: the CPU draws from now on
+                    self.renderer = None;
+                    self.backend = Backend::Cpu;
+                }
+            }
+        }
+    }
+
+    fn next(&self) -> Option<(u64, Instant, Want)> {
+        let mut wish = self.shared.wish.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if self.shared.quit.load(Ordering::SeqCst) {
+                return None;
+            }
+            if let Some(w) = wish.take() {
+                return Some(w);
+            }
+            wish = self.shared.awake.wait(wish).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn say(&self, news: News) {
+        let _ = self.send.send(news);
+        self.ctx.request_repaint();
+    }
+
+    fn serve(&mut self, generation: u64, asked: Instant, want: &Want) -> Result<(), EvaluateError> {
+        let object = self.object(want)?;
+        let slices = |scale: f64| {
+            let all = want.document.look.slices.map_or_else(|| across(&object), |n| n as f64);
+            // fewer slices in a smaller picture: what a pixel covers is sampled as finely as across
+            (all * scale.sqrt()).max(all.min(64.0)).round()
+        };
+        let shared = self.shared.clone();
+        let stale = move || shared.newest.load(Ordering::SeqCst) != generation;
+        let factor = if want.other.is_some() { 0.5 } else { 1.0 };
+        let coarse = self.pace.scale(want.size, slices(0.5), f64::from(want.budget) * factor);
+        self.picture(generation, asked, want, &object, coarse, slices(coarse), want.moving, &|| false)?;
+        if let Some((point, longest)) = want.sections
+            && !stale()
+        {
+            let longest = if want.moving { longest / 2 } else { longest };
+            let planes = [0, 1, 2].map(|axis| {
+                let section = Section::across(&object, axis, point, longest);
+                let values = section.values(&object);
+                (section, values)
+            });
+            self.say(News::Sections(Box::new(Sections { planes, point })));
+        }
+        if want.tessellation && !stale() {
+            self.say(News::Tessellation(tessellation(&object, want)?));
+        }
+        if want.moving {
+            return Ok(());
+        }
+        let between = self.pace.scale(want.size, slices(0.7), BETWEEN * factor);
+        if between > 1.3 * coarse && between < 0.8 && !stale() {
+            self.picture(generation, asked, want, &object, between, slices(between), false, &stale)?;
+        }
+        if coarse < 1.0 || want.mode == Mode::Tets {
+            self.picture(generation, asked, want, &object, 1.0, slices(1.0), false, &stale)?;
+        }
+        Ok(())
+    }
+
+    /// The object of the wanted document; nothing is made again that did not change.
+    fn object(&mut self, want: &Want) -> Result<Arc<Object>, EvaluateError> {
+        if self.known.as_ref().is_none_or(|k| !Arc::ptr_eq(&k.data, &want.data) || k.base != want.base) {
+            self.known = Some(Known {
+                data: want.data.clone(),
+                base: want.base.clone(),
+                workspace: Workspace::with_data(&want.base, want.document.volume.clone(), want.data.clone()),
+                made: None,
+            });
+        }
+        let Some(known) = &mut self.known else { return Err(EvaluateError::View) };
+        if let Some((document, object)) = &known.made
+            && same_object(document, &want.document)
+        {
+            return Ok(object.clone());
+        }
+        let object = Arc::new(known.workspace.object(&want.document)?);
+        known.made = Some((want.document.clone(), object.clone()));
+        self.warped = None;
+        self.say(News::Object(want.document.clone(), object.clone()));
+        Ok(object)
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "one picture of one wish")]
+    fn picture(
+        &mut self,
+        generation: u64,
+        asked: Instant,
+        want: &Want,
+        object: &Arc<Object>,
+        scale: f64,
+        slices: f64,
+        moving: bool,
+        stop: crate::render::Stop<'_>,
+    ) -> Result<(), EvaluateError> {
+        let last = scale >= 1.0;
+        let size = [want.size.0, want.size.1].map(|n| ((f64::from(n) * scale).round() as u32).max(1));
+        let options = ViewOptions {
+            size: (size[0], size[1]),
+            slices: if last { want.document.look.slices } else { Some(slices.max(1.0) as usize) },
+            mode: want.mode,
+            refinement: if last { Refinement::Tolerance(geometry::TOLERANCE) } else { Refinement::Depth(2) },
+            backend: self.backend,
+            transparent: false,
+        };
+        let camera = object.camera(&want.document.camera);
+        let look = Look {
+            background: want.document.look.background.unwrap_or(want.ground),
+            ..want.document.look.look(object.iso)
+        };
+        let Some((main, report)) = self.draw(object, &camera, &look, &options, !last, stop)? else { return Ok(()) };
+        if want.mode != Mode::Tets || !last {
+            self.pace.learn(&report, options.size);
+        }
+        let other = match want.other {
+            None => None,
+            Some(other) => {
+                let (object, mode) = match other {
+                    Other::Original => {
+                        let rest = Object { stack: Stack::default(), ..(**object).clone() };
+                        (Arc::new(rest), Mode::Slicing)
+                    }
+                    Other::Mode(mode) => (object.clone(), mode),
+                };
+                let options = ViewOptions { mode, ..options };
+                match self.draw(&object, &camera, &look, &options, !last, stop)? {
+                    Some((picture, report)) => Some(against(&main, &picture, report)?),
+                    None => return Ok(()),
+                }
+            }
+        };
+        self.say(News::Picture(Box::new(Shown {
+            generation,
+            image: Arc::new(image(&main)),
+            other,
+            report,
+            scale: scale as f32,
+            moving,
+            last,
+            asked,
+        })));
+        Ok(())
+    }
+
+    /// One picture. Tetrahedra are too slow for the hand: while something moves, slices stand for them.
+    fn draw(
+        &mut self,
+        object: &Arc<Object>,
+        camera: &Camera,
+        look: &Look,
+        options: &ViewOptions,
+        coarse: bool,
+        stop: crate::render::Stop<'_>,
+    ) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
+        let mut object = object.clone();
+        let mut mode = options.mode;
+        if mode == Mode::Tets {
+            mode = Mode::Slicing;
+            let known = self.known.as_ref().and_then(|k| k.made.as_ref());
+            let current = known.is_some_and(|(_, known)| Arc::ptr_eq(known, &object));
+            if let Some(warped) = &self.warped
+                && current
+            {
+                object = warped.clone();
+            } else if !coarse {
+                if stop() {
+                    return Ok(None);
+                }
+                let warped = Arc::new(tets::warped(&object, Refinement::Tolerance(tets::TOLERANCE))?.object);
+                if current {
+                    self.warped = Some(warped.clone());
+                }
+                object = warped;
+            }
+        }
+        let renderer = match &mut self.renderer {
+            Some(renderer) => renderer,
+            None => self.renderer.insert(Renderer::new(self.backend)?),
+        };
+        renderer.picture_until(&object, camera, look, &ViewOptions { mode, ..*options }, stop)
+    }
+}
+
+/// Slices of one finest voxel that the longest way through the volume takes, about.
+fn across(object: &Object) -> f64 {
+    let grid = &object.volume.grid;
+    let diagonal = (grid.world_from_voxel.matrix3 * grid.size()).length();
+    (0.8 * diagonal / grid.finest()).max(1.0)
+}
+
+/// Whether two documents make the same object: what is only looked at differently does.
+fn same_object(a: &Arc<Document>, b: &Arc<Document>) -> bool {
+    let plain =
+        |d: &Arc<Document>| Document { camera: CameraSpec::default(), look: LookSpec::default(), ..(**d).clone() };
+    Arc::ptr_eq(a, b) || plain(a) == plain(b)
+}
+
+/// More edges than this cannot be told apart.
+const MOST_EDGES: usize = 60_000;
+
+/// Figure 7 of the paper: how the slice through the middle is split.
+fn tessellation(object: &Object, want: &Want) -> Result<Vec<[DVec3; 2]>, EvaluateError> {
+    let options = geometry::GeometryOptions {
+        slices: Some(1),
+        refinement: if want.moving { Refinement::Depth(2) } else { Refinement::Tolerance(geometry::TOLERANCE) },
+        subdivide: want.mode == Mode::Slicing,
+        size: want.size,
+    };
+    let slice = geometry::slices(object, &object.camera(&want.document.camera), &options)?;
+    let mut edges: Vec<(u32, u32)> = slice
+        .indices
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
+        .map(|(a, b)| (a.min(b), a.max(b)))
+        .collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges.truncate(MOST_EDGES);
+    let place = |i: u32| {
+        let [x, y, z] = slice.vertices[i as usize].position.map(f64::from);
+        slice.center + DVec3::new(x, y, z)
+    };
+    Ok(edges.into_iter().map(|(a, b)| [place(a), place(b)]).collect())
+}
+
+fn image(picture: &Picture) -> ColorImage {
+    let size = [picture.width as usize, picture.height as usize];
+    ColorImage::from_rgba_unmultiplied(size, picture.pixels.as_flattened())
+}
+
+fn against(a: &Picture, b: &Picture, report: PictureReport) -> Result<OtherShown, EvaluateError> {
+    let size = [a.width, a.height];
+    let map = DifferenceMap::new(&a.pixels, &b.pixels, size)?;
+    let scale = Scale::reaching(map.max());
+    let colors: Vec<u8> = map.values.iter().flat_map(|v| scale.color(*v)).collect();
+    Ok(OtherShown {
+        image: Arc::new(image(b)),
+        difference: Arc::new(ColorImage::from_rgba_unmultiplied([a.width as usize, a.height as usize], &colors)),
+        scale,
+        metrics: pictures(&a.pixels, &b.pixels, size)?,
+        report,
+    })
+}

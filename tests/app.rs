@@ -1,0 +1,363 @@
+//! The modeller, driven through its window's interface: by pointer, by keys and by accessible name.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Key, Modifiers, PointerButton, Pos2, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use voxclay::app::settings::Home;
+use voxclay::app::{Modeller, Start};
+use voxclay::evaluate::picture::{Backend, Mode};
+use voxclay::io;
+use voxclay::scene::read_project;
+
+type Bench = Harness<'static, Option<Modeller>>;
+
+/// A modeller on `word`, with a home of its own, its object ready.
+fn modeller(word: &str, home: &Path) -> Bench {
+    let start = Start { files: vec![word.to_owned()], backend: Backend::Cpu, home: Home::at(home) };
+    let mut h = Harness::builder().with_size([1200.0, 800.0]).with_max_steps(64).build_ui_state(
+        move |ui: &mut egui::Ui, m: &mut Option<Modeller>| {
+            m.get_or_insert_with(|| Modeller::new(ui.ctx(), start.clone())).ui(ui);
+        },
+        None,
+    );
+    until(&mut h, "the object", |m| m.desk.as_ref().is_some_and(|d| d.object.is_some()));
+    h
+}
+
+fn m(h: &mut Bench) -> &mut Modeller {
+    h.state_mut().as_mut().unwrap()
+}
+
+/// Passes of the interface until something is so.
+fn until(h: &mut Bench, what: &str, so: impl Fn(&Modeller) -> bool) {
+    let started = Instant::now();
+    loop {
+        h.step();
+        if h.state().as_ref().is_some_and(&so) {
+            return;
+        }
+        assert!(started.elapsed() < Duration::from_secs(120), "{what} did not come");
+        std::thread::sleep(Duration::from_millis(4));
+    }
+}
+
+fn settled(h: &mut Bench) {
+    until(h, "the full picture", |m| {
+        let document = m.desk.as_ref().map(|d| d.shown().clone());
+        let object = m.desk.as_ref().and_then(|d| d.object.as_ref()).map(|(d, _)| d.clone());
+        m.tasks.is_empty()
+            && m.shown.as_ref().is_some_and(|s| s.last)
+            && document.map(|d| d.stack.clone()) == object.map(|d| d.stack.clone())
+    });
+}
+
+/// Presses at `from`, moves by `way` in steps, and lets go.
+fn drag(h: &mut Bench, from: Pos2, way: Vec2, button: PointerButton, modifiers: Modifiers) {
+    let press = |pressed, pos| egui::Event::PointerButton { pos, button, pressed, modifiers };
+    h.hover_at(from);
+    h.step();
+    h.event_modifiers(press(true, from), modifiers);
+    h.step();
+    for i in 1..=6 {
+        h.event_modifiers(egui::Event::PointerMoved(from + way * (i as f32 / 6.0)), modifiers);
+        h.step();
+    }
+    h.event_modifiers(press(false, from + way), modifiers);
+    h.step();
+}
+
+fn middle(h: &Bench) -> Pos2 {
+    h.get_by_label("Main view").rect().center()
+}
+
+fn strokes(h: &Bench) -> usize {
+    h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().stack.items.len()
+}
+
+fn key(h: &mut Bench, modifiers: Modifiers, key: Key) {
+    h.key_press_modifiers(modifiers, key);
+    h.step();
+    h.step();
+}
+
+#[test]
+fn a_stroke_is_a_step_that_can_be_undone() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:40", home.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(40.0, 25.0), PointerButton::Primary, Modifiers::NONE);
+    assert_eq!(strokes(&h), 1);
+    settled(&mut h);
+    // what was at the start of the drag is at its end
+    for (name, k, count) in [("Push", Key::D, 2), ("Twist", Key::T, 3), ("Inflate", Key::I, 4), ("Pinch", Key::P, 5)] {
+        key(&mut h, Modifiers::NONE, k);
+        settled(&mut h);
+        drag(&mut h, at, Vec2::new(30.0, 0.0), PointerButton::Primary, Modifiers::NONE);
+        assert_eq!(strokes(&h), count, "{name}");
+        let items = &m(&mut h).desk.as_ref().unwrap().history.document().stack.items;
+        assert!(items[count - 1].name.starts_with(name), "{}", items[count - 1].name);
+        assert!(items.iter().all(|i| i.deformer.steepness() < 1.0));
+    }
+    for left in (3..5).rev() {
+        key(&mut h, Modifiers::COMMAND, Key::Z);
+        assert_eq!(strokes(&h), left);
+    }
+    key(&mut h, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    assert_eq!(strokes(&h), 4);
+    // a drag beside the object turns it and is no step
+    let steps = m(&mut h).desk.as_ref().unwrap().history.steps().len();
+    let yaw = m(&mut h).desk.as_ref().unwrap().history.document().camera.yaw;
+    let corner = h.get_by_label("Main view").rect().left_top() + Vec2::splat(20.0);
+    drag(&mut h, corner, Vec2::new(60.0, 0.0), PointerButton::Primary, Modifiers::NONE);
+    let desk = m(&mut h).desk.as_ref().unwrap();
+    assert!(desk.history.document().camera.yaw != yaw && desk.history.steps().len() == steps);
+    // undoing keeps the camera
+    let yaw = desk.history.document().camera.yaw;
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    assert_eq!(m(&mut h).desk.as_ref().unwrap().history.document().camera.yaw, yaw);
+}
+
+#[test]
+fn panels_answer_to_their_names() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:orange:40", home.path());
+    settled(&mut h);
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(-30.0, 30.0), PointerButton::Primary, Modifiers::NONE);
+    // the stack
+    h.get_by_label("Switch off Grab 1").click();
+    h.step();
+    h.step();
+    let enabled =
+        |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().stack.items[0].enabled;
+    assert!(!enabled(&h));
+    h.get_by_label("Switch on Grab 1").click();
+    h.step();
+    h.step();
+    assert!(enabled(&h));
+    h.get_by_label("Duplicate Grab 1").click();
+    h.step();
+    assert_eq!(strokes(&h), 2);
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    // the look
+    h.get_by_label("Look").click();
+    h.step();
+    h.step();
+    h.get_by_label("MIP").click();
+    h.step();
+    h.step();
+    let look = m(&mut h).desk.as_ref().unwrap().history.document().look;
+    assert_eq!(look.shading, voxclay::scene::ShadingSpec::Mip);
+    h.get_by_label("Lit").click();
+    h.step();
+    assert!(!m(&mut h).desk.as_ref().unwrap().history.document().look.lit);
+    // a point of the transfer function
+    let area = h.get_by_label("Transfer function");
+    let _ = area;
+    // the object
+    h.get_by_label("Object").click();
+    h.step();
+    h.step();
+    h.get_by_label("Hull").click();
+    h.step();
+    settled(&mut h);
+    let object = m(&mut h).desk.as_ref().unwrap().object.as_ref().unwrap().1.clone();
+    assert!(object.shaped && object.mesh.triangles.len() > 100);
+    // modes by name and by key
+    h.get_by_label("Exact").click();
+    h.step();
+    assert_eq!(m(&mut h).view.mode, Mode::SlicingExact);
+    key(&mut h, Modifiers::NONE, Key::Num1);
+    assert_eq!(m(&mut h).view.mode, Mode::Slicing);
+    // every widget that can be seen has a name
+    h.check_accessibility();
+}
+
+#[test]
+fn two_modes_side_by_side_come_with_numbers() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:40", home.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(30.0, 20.0), PointerButton::Primary, Modifiers::NONE);
+    key(&mut h, Modifiers::NONE, Key::A);
+    until(&mut h, "both pictures", |m| m.shown.as_ref().is_some_and(|s| s.last && s.other.is_some()));
+    let shown = m(&mut h).shown.as_ref().unwrap();
+    let other = shown.other.as_ref().unwrap();
+    // against the original: it was deformed
+    assert!(other.metrics.max > 20.0 && other.metrics.psnr < 45.0, "{:?}", other.metrics);
+    assert_eq!(shown.image.size, other.image.size);
+}
+
+/// Exports through the panel, then the same project by the command line: the files are the same to the byte.
+#[test]
+fn the_panel_exports_what_the_command_line_does() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:torso:48", dir.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(45.0, -20.0), PointerButton::Primary, Modifiers::NONE);
+    settled(&mut h);
+    key(&mut h, Modifiers::NONE, Key::T);
+    drag(&mut h, at + Vec2::new(0.0, 40.0), Vec2::new(60.0, 0.0), PointerButton::Primary, Modifiers::NONE);
+    assert_eq!(strokes(&h), 2);
+    let project = dir.path().join("torso.voxclay");
+    let ctx = h.ctx.clone();
+    m(&mut h).save_as(&ctx, project.clone(), false, voxclay::app::After::Nothing);
+    until(&mut h, "the project", |m| m.tasks.is_empty());
+    assert!(!m(&mut h).desk.as_ref().unwrap().history.is_dirty());
+    assert_eq!(read_project(&project).unwrap().document.stack.items.len(), 2);
+    assert!(read_project(&project).unwrap().thumbnail.is_some());
+
+    let by_hand = dir.path().join("by-hand.nrrd");
+    h.get_by_label("Export").click();
+    h.step();
+    h.step();
+    m(&mut h).panels.export_path = by_hand.to_string_lossy().into_owned();
+    h.step();
+    // the tab and the button have one name
+    h.get_all_by_label("Export").last().unwrap().click();
+    h.step();
+    h.step();
+    until(&mut h, "the export", |m| m.panels.exported.is_some());
+    assert!(m(&mut h).panels.exported.as_ref().unwrap().certificate.as_ref().unwrap().sound);
+
+    let by_command = dir.path().join("by-command.nrrd");
+    let status = std::process::Command::new(env!("CARGO_BIN_EXE_voxclay"))
+        .args(["export", project.to_str().unwrap(), "-o", by_command.to_str().unwrap()])
+        .status()
+        .unwrap();
+    assert!(status.success());
+    assert!(std::fs::read(by_hand).unwrap() == std::fs::read(by_command).unwrap(), "the two exports differ");
+}
+
+#[test]
+fn a_project_with_its_volume_inside_opens_anywhere() {
+    let dir = tempfile::tempdir().unwrap();
+    let volume = dir.path().join("v.nrrd");
+    let phantom = voxclay::volume::phantom::Phantom::from_name("orange").unwrap().generate(32);
+    io::write_volume(&volume, &phantom, &io::WriteOptions::default()).unwrap();
+    let mut h = modeller(volume.to_str().unwrap(), dir.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(20.0, 20.0), PointerButton::Primary, Modifiers::NONE);
+    let ctx = h.ctx.clone();
+    let (inside, beside) = (dir.path().join("inside.voxclay"), dir.path().join("beside.voxclay"));
+    for (path, embed) in [(&inside, true), (&beside, false)] {
+        m(&mut h).save_as(&ctx, path.clone(), embed, voxclay::app::After::Nothing);
+        until(&mut h, "the project", |m| m.tasks.is_empty());
+    }
+    std::fs::remove_file(&volume).unwrap();
+    let moved = dir.path().join("moved.voxclay");
+    std::fs::rename(&inside, &moved).unwrap();
+    drop(h);
+    let mut h = modeller(moved.to_str().unwrap(), dir.path());
+    assert_eq!(strokes(&h), 1);
+    assert_eq!(m(&mut h).desk.as_ref().unwrap().data.volume.checksum(), phantom.checksum());
+    // the other one misses its volume, says which, and loses nothing
+    let ctx = h.ctx.clone();
+    m(&mut h).open(&ctx, beside.to_str().unwrap());
+    until(&mut h, "the failure", |m| m.notices.iter().any(|n| n.error));
+    assert!(m(&mut h).notices.iter().any(|n| n.error && n.text.contains("v.nrrd")), "{:?}", m(&mut h).notices);
+    assert_eq!(strokes(&h), 1);
+}
+
+#[test]
+fn unsaved_work_is_found_again() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:32", home.path());
+    m(&mut h).settings.autosave_seconds = 0.2;
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(25.0, 25.0), PointerButton::Primary, Modifiers::NONE);
+    let folder = home.path().join("recovery");
+    let files = || -> Vec<PathBuf> {
+        std::fs::read_dir(&folder).map(|d| d.flatten().map(|e| e.path()).collect()).unwrap_or_default()
+    };
+    let started = Instant::now();
+    while files().is_empty() {
+        h.step();
+        std::thread::sleep(Duration::from_millis(10));
+        assert!(started.elapsed() < Duration::from_secs(30), "nothing was put aside");
+    }
+    let stack = m(&mut h).desk.as_ref().unwrap().history.document().stack.clone();
+    // as if the process had been killed: the file stays, with the number of a process that is gone
+    drop(h);
+    let file = files().remove(0);
+    let mut aside: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    aside["process"] = serde_json::json!(u32::MAX);
+    std::fs::write(folder.join("4294967295.json"), aside.to_string()).unwrap();
+    std::fs::remove_file(&file).unwrap();
+
+    let mut h = modeller("phantom:orange:16", home.path());
+    h.get_by_label("Recover head (1 deformations)").click();
+    h.step();
+    until(&mut h, "the recovered work", |m| m.desk.as_ref().is_some_and(|d| d.history.document().stack == stack));
+    assert!(m(&mut h).desk.as_ref().unwrap().history.is_dirty());
+}
+
+/// Random strokes, undo, redo and modes: no panic, no growth beyond the budget. `VOXCLAY_MONKEY_SECONDS` makes it longer.
+#[test]
+fn a_monkey_breaks_nothing() {
+    let seconds = std::env::var("VOXCLAY_MONKEY_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(60);
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:40", home.path());
+    m(&mut h).settings.undo_megabytes = 1;
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move |n: u64| {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        seed % n
+    };
+    let view = h.get_by_label("Main view").rect();
+    let started = Instant::now();
+    let mut early = None;
+    let mut done = 0;
+    while started.elapsed() < Duration::from_secs(seconds) {
+        let at = view.min + Vec2::new(random(view.width() as u64) as f32, random(view.height() as u64) as f32);
+        let way = Vec2::new(random(160) as f32 - 80.0, random(160) as f32 - 80.0);
+        match random(16) {
+            0..=4 => drag(&mut h, at, way, PointerButton::Primary, Modifiers::NONE),
+            5 => drag(&mut h, at, way, PointerButton::Primary, Modifiers::CTRL),
+            6 => drag(&mut h, at, way, PointerButton::Middle, Modifiers::NONE),
+            7 | 8 => key(&mut h, Modifiers::COMMAND, Key::Z),
+            9 => key(&mut h, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z),
+            10 => {
+                let mode = [Key::Num1, Key::Num1, Key::Num2, Key::Num3][random(4) as usize];
+                key(&mut h, Modifiers::NONE, mode);
+            }
+            11 | 12 => {
+                let tools = [Key::G, Key::D, Key::P, Key::I, Key::T, Key::S, Key::L, Key::V, Key::R];
+                key(&mut h, Modifiers::NONE, tools[random(tools.len() as u64) as usize]);
+            }
+            13 => {
+                let flags = [Key::X, Key::A, Key::W, Key::M, Key::H, Key::Tab, Key::Home, Key::F12];
+                key(&mut h, Modifiers::NONE, flags[random(flags.len() as u64) as usize]);
+            }
+            14 => std::thread::sleep(Duration::from_millis(random(120))),
+            _ => {
+                // keep the stack short enough for the software renderer
+                if strokes(&h) > 24 {
+                    let m = m(&mut h);
+                    m.edit(voxclay::scene::Edit::ReplaceAll(voxclay::deform::Stack::default()));
+                }
+            }
+        }
+        done += 1;
+        if early.is_none() && started.elapsed() > Duration::from_secs(seconds) / 3 {
+            early = resident();
+        }
+    }
+    assert!(done > 20, "only {done} actions");
+    let history = &m(&mut h).desk.as_ref().unwrap().history;
+    assert!(history.bytes() <= 2 << 20, "{} bytes of history", history.bytes());
+    if let (Some(early), Some(late)) = (early, resident()) {
+        assert!(late < early + (300 << 20), "grew from {early} to {late} bytes in {done} actions");
+    }
+}
+
+/// Resident bytes of this process, where the system says so.
+fn resident() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    text.split_whitespace().nth(1)?.parse::<u64>().ok().map(|pages| pages * 4096)
+}
