@@ -300,6 +300,33 @@ fn a_renderer_follows_what_is_set() {
     assert!(renderer.draw(&empty).is_ok(), "a refused picture leaves everything in order");
 }
 
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn the_same_volume_is_uploaded_once() {
+    let mut renderer = Renderer::new(gpu()).unwrap();
+    let table = Arc::new(ClassTable::build(&tf(), 1.0, true));
+    renderer.set_table(&table);
+    for t in [ScalarType::U8, ScalarType::F32] {
+        let shared = Arc::new(volume(t, 1));
+        let field = Field::from_volume(shared.clone());
+        let geometry = Arc::new(box_slices(&field.grid, &camera(false), &Identity, 1.5, 0));
+        renderer.set_geometry(&geometry);
+        let frame = Frame::new(&camera(false), &Look::default(), &field, field.range, &geometry, 64, 64);
+        assert!(renderer.set_field(&field).unwrap());
+        let first = renderer.draw(&frame).unwrap();
+        // another handle on the same texels
+        assert!(field.same_as(&field.clone()) && !renderer.set_field(&field.clone()).unwrap());
+        assert_eq!(renderer.draw(&frame).unwrap().pixels, first.pixels);
+        // the same texels elsewhere in the world, and equal ones in another place
+        let mut moved = field.clone();
+        moved.grid.world_from_voxel.translation.x += 1.0;
+        assert!(renderer.set_field(&moved).unwrap());
+        let twin = Field::from_volume(Arc::new(shared.as_ref().clone()));
+        assert!(!twin.same_as(&field) && renderer.set_field(&twin).unwrap());
+        assert_eq!(renderer.draw(&frame).unwrap().pixels, first.pixels);
+    }
+}
+
 /// The reference: every voxel in `f64`.
 fn resampled(volume: &Volume, stack: &Stack, output: &Grid, interpolation: Interpolation, outside: f64) -> Vec<f64> {
     let voxel_from_world = volume.grid.voxel_from_world();
@@ -413,7 +440,7 @@ fn a_receiver_stops_the_work() {
         Err("full")
     });
     assert_eq!(stopped.unwrap_err().to_string(), "full");
-    let all: Result<(), voxclay::gpu::ResampleError<()>> = pass.run(&gpu, &v, job, |first, values| {
+    let all: Result<_, voxclay::gpu::ResampleError<()>> = pass.run(&gpu, &v, job, |first, values| {
         next = first + values.len();
         Ok(())
     });

@@ -145,11 +145,14 @@ impl Renderer {
         &self.gpu
     }
 
-    /// Uploads a field. It stays until another one is set.
+    /// Uploads a field, unless the very same is set. It stays until another one is. Says whether it was uploaded.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]; then nothing is set.
-    pub fn set_field(&mut self, field: &Field) -> Result<(), GpuError> {
+    pub fn set_field(&mut self, field: &Field) -> Result<bool, GpuError> {
+        if self.object.as_ref().is_some_and(|o| o.field.same_as(field)) {
+            return Ok(false);
+        }
         // before the new volume, or both would be held at once
         self.object = None;
         let gpu = &self.gpu;
@@ -180,7 +183,7 @@ impl Renderer {
         if let Some((_, uploaded)) = &mut self.exact {
             *uploaded = None;
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Uploads the table of a transfer function.
