@@ -228,7 +228,7 @@ fn export_writes_the_deformed_volume() {
     std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
     for mode in ["slicing", "tets", "reference"] {
         let e = json(&dir, &["export", "p.voxclay", "-o", "o.nrrd", "--mode", mode, "--field", "f.nrrd"]);
-        has_keys(&e, &["dims", "mode", "ms"]);
+        has_keys(&e, &["dims", "mode", "ms", "backend"]);
         assert_eq!(e["mode"], mode);
         if mode == "tets" {
             has_keys(&e["lattice"], &["tets", "max_error", "mean_error"]);
@@ -246,6 +246,39 @@ fn export_writes_the_deformed_volume() {
     json(&dir, &["convert", "rest.nrrd", "rest.raw"]);
     let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
     assert_eq!(read("same.raw"), read("rest.raw"));
+}
+
+/// The GPU fills the same grid with the same values, to a grey level, and what it cannot do is done by the CPU, and said.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn exports_of_the_gpu_are_those_of_the_cpu() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT.replace("[6, 0, 3]", "[22, 0, 0]")).unwrap();
+    let export = |out: &str, args: &[&str]| json(&dir, &[&["export", "p.voxclay", "-o", out], args].concat());
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    for more in [&[][..], &["--same-grid"], &["--spacing", "1.7"]] {
+        let cpu = export("cpu.raw", more);
+        let gpu = export("gpu.raw", &[more, &["--backend", "gpu"]].concat());
+        assert_eq!((&cpu["backend"], &gpu["backend"]), (&"cpu".into(), &"gpu".into()));
+        assert!(gpu["device"].is_string() && gpu["remark"].is_null() && cpu["device"].is_null());
+        for key in ["dims", "clipped", "outside_mesh"] {
+            assert_eq!(cpu[key], gpu[key], "{key}");
+        }
+        for key in ["moved", "outside"] {
+            let [a, b] = [&cpu, &gpu].map(|e| e[key].as_f64().unwrap());
+            assert!((a - b).abs() <= 0.002 * a, "{key}: {a} on the CPU, {b} on the GPU");
+        }
+        let [a, b] = ["cpu.raw", "gpu.raw"].map(|n| voxclay::io::read_volume(&dir.path().join(n)).unwrap().samples);
+        assert_eq!((a.len(), a.scalar_type()), (b.len(), b.scalar_type()));
+        let off = (0..a.len()).filter(|&i| (a.get(i) - b.get(i)).abs() > 1.0).count();
+        assert!(off * 10_000 < a.len(), "{off} of {} samples differ by more than a grey level", a.len());
+    }
+    for (args, why) in [(&["--interpolation", "cubic"][..], "linearly"), (&["--mode", "reference"], "f64")] {
+        let cpu = export("cpu.raw", args);
+        let gpu = export("gpu.raw", &[args, &["--backend", "gpu"]].concat());
+        assert!(gpu["backend"] == "cpu" && gpu["remark"].as_str().unwrap().contains(why), "{gpu}");
+        assert!(cpu["remark"].is_null() && read("cpu.raw") == read("gpu.raw"));
+    }
 }
 
 /// A certificate is written beside the volume, whatever made it, and names what is wrong.

@@ -12,7 +12,7 @@ use super::render::report_json;
 use super::view::BackendArg;
 use crate::deform::{Deformation, Deformer, DisplacementVolume, Grab, Limit};
 use crate::evaluate::export::ExportOptions;
-use crate::evaluate::picture::{Mode, Refinement, Renderer, ViewOptions};
+use crate::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use crate::evaluate::{load, resample};
 use crate::io;
 use crate::render::{Picture, max_difference, psnr};
@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> Result<Answer> {
 
     let metrics = job.compare(&sculpted, &document, &options)?;
 
-    let exported = resample::export(&sculpted, &ExportOptions::default())?;
+    let exported = resample::export(&sculpted, &ExportOptions::default(), Backend::Cpu)?;
     job.ms.insert("export".into(), json!(exported.ms));
     let volume = job.path("head-sculpted.nrrd");
     io::write_volume(&volume, &exported.volume, &io::WriteOptions::default())?;
@@ -168,7 +168,7 @@ impl Job<'_> {
     /// Slicing at each subdivision depth against the exact map.
     fn compare(&mut self, object: &load::Object, document: &Document, options: &ViewOptions) -> Result<Vec<Value>> {
         // the reference is the CPU's: one renderer for all, so that only the subdivision differs
-        let mut renderer = Renderer::new(crate::evaluate::picture::Backend::Cpu)?;
+        let mut renderer = Renderer::new(Backend::Cpu)?;
         let camera = object.camera(&document.camera);
         let look = document.look.look(object.iso);
         let exact = ViewOptions { mode: Mode::SlicingExact, ..*options };

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::Answer;
 use super::render::{lattice_json, unconverged};
-use super::view::{checked_tolerance, parse_proxy};
+use super::view::{BackendArg, checked_tolerance, parse_proxy};
 use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
 use crate::evaluate::export::{ExportOptions, GridChoice, Precision, export_field, stored_outside, unwatched};
 use crate::evaluate::picture::Refinement;
@@ -74,6 +74,10 @@ pub struct Args {
     same_grid: bool,
     #[arg(long, value_enum, default_value = "linear")]
     interpolation: InterpolationArg,
+    /// Who fills the grid of --mode slicing: the CPU gives the same bytes on every machine, the GPU values that may differ by
+    /// a grey level. `auto` takes a real GPU if there is one.
+    #[arg(long, value_enum, default_value = "cpu")]
+    backend: BackendArg,
     /// Value where there is nothing (default: the volume's smallest).
     #[arg(long, value_name = "V", allow_negative_numbers = true)]
     outside: Option<f64>,
@@ -99,6 +103,9 @@ pub fn run(args: &Args) -> Result<Answer> {
     }
     if args.tolerance.is_some() && args.mode != ModeArg::Tets {
         bail!("--tolerance goes with --mode tets only");
+    }
+    if args.mode == ModeArg::Tets && args.backend == BackendArg::Gpu {
+        bail!("--backend gpu goes with --mode slicing only; `voxclay warp` warps on the GPU");
     }
     let tolerance = checked_tolerance(args.tolerance)?.unwrap_or(tets::TOLERANCE);
     if args.spacing.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
@@ -161,9 +168,14 @@ struct Made {
 }
 
 fn through_map(args: &Args, object: &load::Object, options: &ExportOptions) -> Result<Made> {
-    let Exported { volume, report: r, outside_mesh, ms } = resample::export(object, options)?;
+    let Exported { volume, report: r, outside_mesh, device, remark, ms } =
+        resample::export(object, options, args.backend.into())?;
     let mode = if args.mode == ModeArg::Reference { "reference" } else { "slicing" };
-    let mut text = format!("{mode}, {ms:.0} ms; {} voxels moved\n", r.moved);
+    let on = device.as_ref().map_or(String::new(), |name| format!(" on {name}"));
+    let mut text = format!("{mode}, {ms:.0} ms{on}; {} voxels moved\n", r.moved);
+    if let Some(remark) = &remark {
+        text.push_str(&format!("  {remark}\n"));
+    }
     if r.clipped > 0 {
         let n = r.clipped;
         text.push_str(&format!(
@@ -179,6 +191,9 @@ fn through_map(args: &Args, object: &load::Object, options: &ExportOptions) -> R
     };
     let json = json!({
         "mode": mode,
+        "backend": if device.is_some() { "gpu" } else { "cpu" },
+        "device": device,
+        "remark": remark,
         "moved": r.moved,
         "outside": r.outside,
         "outside_mesh": outside_mesh,
@@ -214,6 +229,7 @@ fn through_tets(args: &Args, object: &load::Object, options: &ExportOptions, tol
     };
     let json = json!({
         "mode": "tets",
+        "backend": "cpu",
         "outside": made.volume.grid.len() as u64 - made.tally.written + made.tally.beyond,
         "outside_mesh": made.outside_mesh,
         "lattice": lattice_json(lattice),

@@ -80,6 +80,16 @@ fn may_have_gpu() -> bool {
     !cfg!(target_os = "linux") || ["/dev/dri", "/dev/nvidia0", "/dev/dxg"].iter().any(|p| Path::new(p).exists())
 }
 
+/// The device of a backend; `None` is the CPU.
+pub(super) fn device(backend: Backend) -> Result<Option<Gpu>, EvaluateError> {
+    Ok(match backend {
+        Backend::Cpu => None,
+        Backend::Gpu => Some(Gpu::open(Preference::Any)?),
+        Backend::Auto if !may_have_gpu() => None,
+        Backend::Auto => Gpu::open(Preference::Any).ok().filter(|g| !g.is_software()),
+    })
+}
+
 /// How slices for a picture are made.
 pub(super) fn geometry_options(options: &ViewOptions) -> GeometryOptions {
     GeometryOptions {
@@ -100,13 +110,7 @@ impl Renderer {
     /// # Errors
     /// If the GPU is asked for and none can be opened.
     pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
-        let device = match backend {
-            Backend::Cpu => None,
-            Backend::Gpu => Some(Gpu::open(Preference::Any)?),
-            Backend::Auto if !may_have_gpu() => None,
-            Backend::Auto => Gpu::open(Preference::Any).ok().filter(|g| !g.is_software()),
-        };
-        Ok(Self { gpu: device.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
+        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
     }
 
     /// Draws an object.
