@@ -94,12 +94,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Answer> {
     for path in std::iter::once(&args.output).chain(&args.field) {
-        if !io::is_volume_path(path) {
-            bail!(
-                "{}: no known volume format by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw",
-                path.display()
-            );
-        }
+        io::check_volume_output(path)?;
     }
     if args.tolerance.is_some() && args.mode != ModeArg::Tets {
         bail!("--tolerance goes with --mode tets only");

@@ -106,12 +106,7 @@ struct Outcome {
 }
 
 pub fn run(args: &Args) -> Result<Answer> {
-    if !io::is_volume_path(&args.output) {
-        bail!(
-            "{}: no known volume format by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw",
-            args.output.display()
-        );
-    }
+    io::check_volume_output(&args.output)?;
     let volume = load::read_source(&load::parse_source(&args.volume)?, Path::new("."))?;
     let (mesh, moved) = positions(args)?;
     // what the mesh's coordinates are in
