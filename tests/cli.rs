@@ -281,6 +281,34 @@ fn exports_of_the_gpu_are_those_of_the_cpu() {
     }
 }
 
+/// What is wrong with the sections of a mesh is said of pictures too, and fragments are counted.
+#[test]
+fn pictures_tell_of_the_mesh_they_are_cut_from() {
+    let dir = TempDir::new().unwrap();
+    // a cube through a face of an octahedron
+    let mut text = String::new();
+    for i in 0..8 {
+        let at = |bit: usize| if i >> bit & 1 == 0 { 1 } else { 5 };
+        text.push_str(&format!("v {} {} {}\n", at(0), at(1), at(2)));
+    }
+    for [a, b, c, d] in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+        text.push_str(&format!("f {a} {b} {c}\nf {a} {c} {d}\n"));
+    }
+    text.push_str("v -10 0 0\nv 10 0 0\nv 0 -10 0\nv 0 10 0\nv 0 0 -10\nv 0 0 10\n");
+    for [x, y, z] in [[10, 12, 14], [12, 9, 14], [9, 11, 14], [11, 10, 14]] {
+        text.push_str(&format!("f {x} {y} {z}\nf {y} {x} {}\n", z - 1));
+    }
+    std::fs::write(dir.path().join("crossed.obj"), text).unwrap();
+    let args = ["render", "phantom:sphere:24", "--backend", "cpu", "--size", "64x64", "--slices", "40", "-o", "o.png"];
+    let said = json(&dir, &[&args[..], &["--mesh", "crossed.obj"]].concat());
+    let warnings = said["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|w| w.as_str().unwrap().contains("intersects itself")), "{said}");
+    let out = voxclay(&dir, &[&args[..], &["--mesh", "crossed.obj"]].concat());
+    assert!(String::from_utf8_lossy(&out.stderr).contains("voxclay: the surface intersects itself"));
+    let said = json(&dir, &args);
+    assert!(said["warnings"].as_array().unwrap().is_empty() && said["fragments"].as_u64().unwrap() > 1000, "{said}");
+}
+
 /// A certificate is written beside the volume, whatever made it, and names what is wrong.
 #[test]
 fn exports_are_certified() {
@@ -392,6 +420,14 @@ fn bad_input_gets_one_sentence_and_leaves_nothing() {
         (&["convert", "phantom:sphere:24", "o.obj"], &["one kind"]),
         (&["convert", "phantom:sphere:24", "o.xyz"], &["o.xyz", "expected"]),
         (&["convert", "phantom:sphere:24", "no/such/folder/o.nrrd"], &["o.nrrd"]),
+        // what could not be written is said before any work
+        (&["convert", "cut.nrrd", "o.hdr"], &["o.hdr", "expected"]),
+        (&["convert", "cut.nrrd", "o.img.gz"], &["o.img.gz", "expected"]),
+        (&["export", "cut.nrrd", "-o", "o.img"], &["o.img", "expected"]),
+        (&["export", "cut.nrrd", "-o", "o.nrrd", "--field", "f.hdr"], &["f.hdr", "expected"]),
+        (&["export", "cut.nrrd", "-o", "no/such/folder/o.nrrd"], &["folder/o.nrrd"]),
+        (&["warp", "cut.nrrd", "--tets", "nowhere.vtk", "-o", "o.hdr"], &["o.hdr", "expected"]),
+        (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--mode", "tets", "--backend", "gpu"], &["--backend gpu"]),
         (&["render", "cut.nrrd", "-o", "o.png"], &["cut.nrrd"]),
         (&["render", "not.voxclay", "-o", "o.png"], &["not.voxclay"]),
         (&["render", "newer.voxclay", "-o", "o.png"], &["newer.voxclay", "99"]),

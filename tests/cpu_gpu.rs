@@ -12,6 +12,7 @@ use voxclay::gpu::{Gpu, Preference, Renderer, ResampleJob, ResamplePass};
 use voxclay::math::{BackwardMap, Identity, OrientedBox};
 use voxclay::render::{
     Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, psnr, render,
+    render_counted,
 };
 use voxclay::volume::sampling::{Interpolation, Sampler};
 use voxclay::volume::transfer::{ControlPoint, TransferFunction, Window};
@@ -298,6 +299,33 @@ fn a_renderer_follows_what_is_set() {
     let huge = Frame { size: [1 << 20, 4, 0, 0], ..empty };
     assert!(renderer.draw(&huge).is_err() && renderer.draw(&Frame { size: [0, 4, 0, 0], ..empty }).is_err());
     assert!(renderer.draw(&empty).is_ok(), "a refused picture leaves everything in order");
+}
+
+/// Slices that cover the whole picture, and of which none hides another: as many fragments as slices times pixels.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn fragments_are_counted() {
+    let grid = Grid::aligned([32, 32, 32], DVec3::ONE, DVec3::ZERO).unwrap();
+    let field = Field::from_volume(Arc::new(Volume::new(grid, 1, Samples::U8(vec![128; grid.len()]))));
+    let faint = ControlPoint { at: 0.0, color: [1.0; 3], opacity: 0.001 };
+    let thin = TransferFunction { points: vec![faint, ControlPoint { at: 1.0, ..faint }], ..tf() };
+    let table = Arc::new(ClassTable::build(&thin, 1.0, true));
+    let camera = Camera { target: grid.center(), yaw: 0.0, pitch: 0.0, radius: 10.0, zoom: 1.0, ..camera(false) };
+    let geometry = Arc::new(box_slices(&grid, &camera, &Identity, 1.0, 0));
+    let frame = Frame::new(&camera, &Look::default(), &field, [0.0, 255.0], &geometry, 70, 50);
+    let filled = geometry.slices.iter().filter(|s| !s.is_empty()).count() as u64;
+    let (_, counted) = render_counted(&geometry, &field, &table, &frame, None);
+    assert_eq!(counted, filled * 70 * 50);
+    let mut renderer = Renderer::new(gpu()).unwrap();
+    renderer.set_field(&field).unwrap();
+    renderer.set_table(&table);
+    renderer.set_geometry(&geometry);
+    renderer.draw(&frame).unwrap();
+    assert_eq!(renderer.fragments().is_some(), gpu().capabilities().statistics);
+    if let Some(n) = renderer.fragments() {
+        // devices shade in blocks, so that at edges of triangles some are counted that are not drawn
+        assert!((counted..counted * 5 / 4).contains(&n), "{n} on the GPU, {counted} on the CPU");
+    }
 }
 
 #[test]

@@ -56,10 +56,13 @@ pub struct ViewOptions {
 pub struct PictureReport {
     pub slices: usize,
     pub triangles: usize,
-    /// Fragments that were evaluated; `None` where the renderer cannot count them.
+    /// Fragments that were shaded; `None` where the GPU cannot count them. The CPU leaves out those behind opaque ones and
+    /// where nothing can be seen, the GPU only whole triangles of such.
     pub fragments: Option<u64>,
     pub backend: &'static str,
     pub device: String,
+    /// Plain sentences on what is wrong with the mesh's sections.
+    pub warnings: Vec<String>,
     /// Of [`Mode::Tets`].
     pub tets: Option<TetsReport>,
     pub ms_geometry: f64,
@@ -133,7 +136,8 @@ impl Renderer {
             let tets = Some(TetsReport { lattice, ms_lattice, ms_warp });
             return Ok((picture, PictureReport { tets, ms_total: started.elapsed().as_secs_f64() * 1e3, ..report }));
         }
-        let geometry = Arc::new(geometry::slices(object, camera, &geometry_options(options))?);
+        let (geometry, warnings) = geometry::slices_with_warnings(object, camera, &geometry_options(options))?;
+        let geometry = Arc::new(geometry);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         let drawing = Instant::now();
         let look = Look { transparent: options.transparent, ..*look };
@@ -147,7 +151,8 @@ impl Renderer {
                 gpu.set_table(&table);
                 gpu.set_exact((options.mode == Mode::SlicingExact).then_some(&object.stack));
                 gpu.set_geometry(&geometry);
-                (gpu.draw(&frame)?, None)
+                let picture = gpu.draw(&frame)?;
+                (picture, gpu.fragments())
             }
             None => {
                 let prepared = object.stack.prepared();
@@ -155,7 +160,8 @@ impl Renderer {
                     map: &prepared,
                     texture_from_world: object.field.grid.texture_from_world(),
                 });
-                (render::render(&geometry, &object.field, &table, &frame, exact), None)
+                let (picture, fragments) = render::render_counted(&geometry, &object.field, &table, &frame, exact);
+                (picture, Some(fragments))
             }
         };
         let report = PictureReport {
@@ -163,6 +169,7 @@ impl Renderer {
             triangles: geometry.indices.len() / 3,
             fragments,
             tets: None,
+            warnings,
             backend: if self.gpu.is_some() { "gpu" } else { "cpu" },
             device: match &self.gpu {
                 Some(gpu) => gpu.gpu().name(),

@@ -9,7 +9,7 @@ use super::layout::ObjectUniform;
 use super::resolve::{PixelTarget, ResolvePass};
 use super::shader::{Mode, Variant};
 use super::slicing::{GeometryBuffers, SliceTarget, SlicingPass, common_jacobian};
-use super::timing::{Timer, Timings};
+use super::timing::{Counter, Timer, Timings};
 use super::volume::VolumeTexture;
 use super::{Gpu, GpuError};
 use crate::deform::Stack;
@@ -56,6 +56,8 @@ pub struct Renderer {
     resolve: ResolvePass,
     targets: Option<(SliceTarget, PixelTarget)>,
     timer: Option<Timer>,
+    counter: Option<Counter>,
+    fragments: Option<u64>,
     timings: Timings,
 }
 
@@ -116,6 +118,7 @@ impl Renderer {
         let resolve = ResolvePass::new(&gpu, &frame_layout)?;
         let geometry = GeometryBuffers::new(&gpu)?;
         let timer = Timer::new(&gpu);
+        let counter = Counter::new(&gpu);
         gpu.check()?;
         Ok(Self {
             gpu,
@@ -137,6 +140,8 @@ impl Renderer {
             resolve,
             targets: None,
             timer,
+            counter,
+            fragments: None,
             timings: Timings::default(),
         })
     }
@@ -298,10 +303,14 @@ impl Renderer {
             variant.map(|(v, o)| (v, [&self.frame_group, &o.group, &self.map_group])),
             &self.geometry,
             stamps(0),
+            self.counter.as_ref(),
         );
         self.resolve.run(&mut encoder, pixels, &self.frame_group, mode == Frame::MIP, stamps(1));
         if let Some(timer) = &self.timer {
             timer.finish(&mut encoder);
+        }
+        if let Some(counter) = &self.counter {
+            counter.finish(&mut encoder);
         }
         self.gpu.queue.submit([encoder.finish()]);
         let picture = pixels.read(&self.gpu)?;
@@ -310,7 +319,13 @@ impl Renderer {
             let [slicing, resolve] = timer.read(&self.gpu)?;
             (self.timings.slicing, self.timings.resolve) = (Some(slicing), Some(resolve));
         }
+        self.fragments = self.counter.as_ref().map(|c| c.read(&self.gpu)).transpose()?;
         Ok(picture)
+    }
+
+    /// Fragments that were shaded for the last picture, as the device counts them; `None` where it does not.
+    pub fn fragments(&self) -> Option<u64> {
+        self.fragments
     }
 
     /// Times of the last picture.

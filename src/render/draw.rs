@@ -21,6 +21,17 @@ pub fn render(
     frame: &Frame,
     exact: Option<Exact<'_>>,
 ) -> Picture {
+    render_counted(geometry, field, table, frame, exact).0
+}
+
+/// The same, and how many fragments were shaded: those behind opaque ones and where nothing can be seen are not.
+pub fn render_counted(
+    geometry: &SliceGeometry,
+    field: &Field,
+    table: &ClassTable,
+    frame: &Frame,
+    exact: Option<Exact<'_>>,
+) -> (Picture, u64) {
     match (field.texels.slice(), field.channels) {
         (TexelSlice::U8(t), 4) => draw::<u8, 4>(t, geometry, field, table, frame, exact),
         (TexelSlice::U8(t), _) => draw::<u8, 1>(t, geometry, field, table, frame, exact),
@@ -38,7 +49,7 @@ fn draw<T: Texel, const C: usize>(
     table: &ClassTable,
     frame: &Frame,
     exact: Option<Exact<'_>>,
-) -> Picture {
+) -> (Picture, u64) {
     let [width, height, mode, _] = frame.size;
     let mut picture = Picture::filled(width, height, [0; 4]);
     let corners = project(geometry, frame);
@@ -61,7 +72,7 @@ fn draw<T: Texel, const C: usize>(
     let across = (width as usize).div_ceil(WIDTH);
     let down = (height as usize).div_ceil(HEIGHT);
     type Rows = Vec<(usize, Vec<[u8; 4]>)>;
-    let tiles: Vec<Rows> = (0..across * down)
+    let tiles: Vec<(Rows, u64)> = (0..across * down)
         .into_par_iter()
         .with_max_len(1)
         .map_init(Tile::new, |tile, i| {
@@ -73,13 +84,18 @@ fn draw<T: Texel, const C: usize>(
                 tile.draw(&scene, t);
             }
             tile.shade(&scene);
-            tile.rows().map(|(y, x, sums)| (y * width as usize + x, finish(sums, y, frame))).collect()
+            let rows = tile.rows().map(|(y, x, sums)| (y * width as usize + x, finish(sums, y, frame))).collect();
+            (rows, tile.fragments)
         })
         .collect();
-    for (at, row) in tiles.into_iter().flatten() {
-        picture.pixels[at..at + row.len()].copy_from_slice(&row);
+    let mut fragments = 0;
+    for (rows, shaded) in tiles {
+        fragments += shaded;
+        for (at, row) in rows {
+            picture.pixels[at..at + row.len()].copy_from_slice(&row);
+        }
     }
-    picture
+    (picture, fragments)
 }
 
 /// Puts sums of row `y` over the background and encodes them.

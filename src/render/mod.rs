@@ -55,7 +55,7 @@ mod table;
 mod tile;
 
 pub use camera::{Camera, Projection};
-pub use draw::render;
+pub use draw::{render, render_counted};
 pub use exact::{Exact, Fragment};
 pub use field::{Field, TexelSlice, Texels};
 pub use frame::Frame;
