@@ -343,6 +343,67 @@ fn exports_are_certified() {
     assert!(left_over(&dir).is_empty());
 }
 
+/// A cube of the phantom's voxels in six tetrahedra that share a diagonal, a little larger when deformed.
+fn six_tets(dir: &TempDir, name: &str, corner: f64, extra: &str, count: usize) {
+    let mut text = String::from("MeshVersionFormatted 2\nDimension 3\nVertices\n8\n");
+    for i in 0..8 {
+        let at = |bit: usize| if i >> bit & 1 == 0 { 4.0 - corner } else { 20.0 + corner };
+        text.push_str(&format!("{} {} {} 0\n", at(0), at(1), at(2)));
+    }
+    text.push_str(&format!("Tetrahedra\n{count}\n"));
+    for t in ["1 2 4 8", "1 4 3 8", "1 3 7 8", "1 7 5 8", "1 5 6 8", "1 6 2 8"] {
+        text.push_str(&format!("{t} 0\n"));
+    }
+    std::fs::write(dir.path().join(name), format!("{text}{extra}End\n")).unwrap();
+}
+
+/// A warp is certified as an export is, and a tetrahedron that is there twice is found.
+#[test]
+fn warps_are_certified() {
+    let dir = TempDir::new().unwrap();
+    let certified = |extra: &str, count: usize| -> (Value, Value) {
+        six_tets(&dir, "rest.mesh", 0.0, extra, count);
+        six_tets(&dir, "bent.mesh", 1.25, extra, count);
+        let args = ["warp", "phantom:sphere:24", "--tets", "rest.mesh", "--deformed", "bent.mesh", "--units", "voxel"];
+        let more = ["--backend", "cpu", "-o", "o.nrrd", "--certificate", "c.json"];
+        let said = json(&dir, &[&args[..], &more[..]].concat());
+        (said, serde_json::from_str(&std::fs::read_to_string(dir.path().join("c.json")).unwrap()).unwrap())
+    };
+    let (said, c) = certified("", 6);
+    has_keys(&c, &["sound", "faults", "coverage", "jacobian", "inverse", "values_clipped", "material_clipped", "mass"]);
+    assert_eq!((&said["sound"], &c["sound"]), (&Value::Bool(true), &Value::Bool(true)), "{c}");
+    assert_eq!((&c["dims"], &c["tets"], &said["certificate"]), (&said["dims"], &6.into(), &"c.json".into()));
+    let jacobian = c["jacobian"]["min"].as_f64().unwrap();
+    assert!((jacobian - (18.5f64 / 16.0).powi(3)).abs() < 1e-9, "{jacobian}");
+    // the same tetrahedron twice: everything in it is there twice
+    let (said, c) = certified("1 2 4 8 0\n", 7);
+    assert_eq!((&said["sound"], &c["sound"]), (&Value::Bool(false), &Value::Bool(false)), "{c}");
+    assert!(c["faults"][0].as_str().unwrap().contains("overlaps itself"), "{c}");
+    assert!(c["coverage"]["tets"]["more"].as_u64().unwrap() > 100, "{c}");
+    let out = voxclay(
+        &dir,
+        &[
+            "warp",
+            "phantom:sphere:24",
+            "--tets",
+            "rest.mesh",
+            "--deformed",
+            "bent.mesh",
+            "--units",
+            "voxel",
+            "--backend",
+            "cpu",
+            "-o",
+            "o.nrrd",
+            "--certificate",
+            "c.json",
+        ],
+    );
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(text.contains("c.json: not sound") && text.contains("overlaps itself"), "{text}");
+    assert!(left_over(&dir).is_empty());
+}
+
 #[test]
 fn compare_has_the_keys_of_the_contract_and_writes_a_report() {
     let dir = TempDir::new().unwrap();

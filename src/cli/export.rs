@@ -1,6 +1,5 @@
 //! `voxclay export`: the deformed volume on a grid.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -8,6 +7,7 @@ use glam::DVec3;
 use serde_json::json;
 
 use super::Answer;
+use super::certificate::attach;
 use super::render::{lattice_json, unconverged};
 use super::view::{BackendArg, checked_tolerance, parse_proxy};
 use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
@@ -138,19 +138,11 @@ pub fn run(args: &Args) -> Result<Answer> {
     json["output"] = json!(args.output.to_string_lossy());
     json["dims"] = json!([x, y, z]);
     text.insert_str(0, &format!("{}: {x} x {y} x {z}, ", args.output.display()));
+    let mut answer = Answer { json, text };
     if let (Some(path), Some(certificate)) = (&args.certificate, certificate) {
-        let mut page = serde_json::to_value(&certificate)?;
-        for key in ["mode", "output", "dims", "lattice"] {
-            page[key] = json[key].clone();
-        }
-        io::write_atomic(path, |w| Ok(writeln!(w, "{page:#}")?))?;
-        json["certificate"] = json!(path.to_string_lossy());
-        json["sound"] = json!(certificate.sound);
-        let verdict = if certificate.sound { "sound" } else { "not sound" };
-        text.push_str(&format!("  {}: {verdict}\n", path.display()));
-        certificate.faults.iter().for_each(|f| text.push_str(&format!("    {f}\n")));
+        attach(&mut answer, &certificate, path, &["mode", "output", "dims", "lattice"])?;
     }
-    Ok(Answer { json, text })
+    Ok(answer)
 }
 
 /// A volume, and what is to be said about it.

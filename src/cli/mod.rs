@@ -1,6 +1,7 @@
 //! L5: the command line, one file per verb. Exit 0, 1 (the work failed), 2 (bad usage).
 
 mod bench;
+mod certificate;
 mod compare;
 mod convert;
 mod demo;
