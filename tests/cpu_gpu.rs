@@ -11,7 +11,7 @@ use voxclay::deform::{
 use voxclay::gpu::{Gpu, Preference, Renderer, ResampleJob, ResamplePass};
 use voxclay::math::{BackwardMap, Identity, OrientedBox};
 use voxclay::render::{
-    Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, psnr, render,
+    Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, render,
     render_counted,
 };
 use voxclay::volume::sampling::{Interpolation, Sampler};
@@ -21,6 +21,8 @@ use voxclay::with_samples;
 
 mod box_slices;
 use box_slices::box_slices;
+mod pictures;
+use pictures::difference;
 
 fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
@@ -176,7 +178,7 @@ fn covered(p: &Picture) -> f64 {
 fn agree_on(gpu: &Arc<Gpu>, scenes: &[Scene], least: f64) {
     for s in scenes {
         let (cpu, picture) = pictures(gpu, s);
-        let db = psnr(&cpu, &picture);
+        let db = difference(&cpu, &picture).psnr;
         println!("{}: {db:.1} dB, {:.0} % covered", s.what, 100.0 * covered(&cpu));
         if let Some(dir) = std::env::var_os("VOXCLAY_PICTURES") {
             for (who, p) in [("cpu", &cpu), ("gpu", &picture)] {
@@ -287,12 +289,12 @@ fn a_renderer_follows_what_is_set() {
         renderer.set_geometry(&geometry);
         let cpu = render(&geometry, field, &table, &frame, None);
         for _ in 0..2 {
-            let db = psnr(&cpu, &renderer.draw(&frame).unwrap());
+            let db = difference(&cpu, &renderer.draw(&frame).unwrap()).psnr;
             assert!(db >= 45.0, "{db:.1} dB");
         }
         // another window, nothing else: what was culled must come back
         let narrow = Frame::new(&camera, &look, field, [field.range[0], 0.4 * field.range[1]], &geometry, size, size);
-        let db = psnr(&render(&geometry, field, &table, &narrow, None), &renderer.draw(&narrow).unwrap());
+        let db = difference(&render(&geometry, field, &table, &narrow, None), &renderer.draw(&narrow).unwrap()).psnr;
         assert!(db >= 45.0, "{db:.1} dB");
     }
     assert!(renderer.timings().frame > 0.0);
@@ -323,8 +325,8 @@ fn fragments_are_counted() {
     renderer.draw(&frame).unwrap();
     assert_eq!(renderer.fragments().is_some(), gpu().capabilities().statistics);
     if let Some(n) = renderer.fragments() {
-        // devices shade in blocks, so that at edges of triangles some are counted that are not drawn
-        assert!((counted..counted * 5 / 4).contains(&n), "{n} on the GPU, {counted} on the CPU");
+        // devices shade in blocks and count what of them is not drawn; Mesa's lavapipe has blocks of 16 by 16 pixels
+        assert!((counted..counted * 2).contains(&n), "{n} on the GPU, {counted} on the CPU");
     }
 }
 
