@@ -5,8 +5,9 @@
 use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DVec3};
-use voxclay::deform::{Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Prepared, Stack};
-use voxclay::math::bspline::{Table, bump};
+use voxclay::deform::{
+    Action, Brush, Deformation, Deformer, DisplacementVolume, Extent, Falloff, Grab, Lattice, Prepared, Stack,
+};
 use voxclay::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox};
 use voxclay::subdivide::{Corner, NextSlice, Refiner, Rule, Supports, Texturing, corners};
 
@@ -166,28 +167,17 @@ fn main() {
         maps(&format!("{n} volumes"), &map);
     }
     let ball = |f| Deformer::Grab(Grab::new(center, DVec3::X, 50.0, f).expect("a sound grab"));
+    let brush = |a| Deformer::Brush(Brush::new(center, 50.0, Falloff::Smooth, a).expect("a sound brush"));
     for (name, deformer) in [
         ("grab, smooth", ball(Falloff::Smooth)),
         ("grab, spline", ball(Falloff::Spline)),
         ("grab, core", ball(Falloff::Core(0.3))),
         ("lattice", lattice()),
+        ("brush, inflate", brush(Action::Inflate { amount: 0.5 })),
+        ("brush, twist", brush(Action::Twist { axis: DVec3::Z, degrees: 90.0 })),
     ] {
         maps(name, &Stack { items: vec![Deformation::new("", deformer)] }.prepared());
     }
-
-    // the paper's precomputed arrays against the formula, for the three factors of one point
-    let xs: Vec<f32> = (0..4096).map(|i| i as f32 / 2048.0 - 1.0).collect();
-    let table = Table::new(256);
-    let sum = |f: &dyn Fn(&[f32]) -> f32| {
-        time(100, |_| {
-            std::hint::black_box(f(std::hint::black_box(&xs)));
-        })
-        .1 * 1e9
-            / (100.0 * 4096.0)
-    };
-    let looked_up = sum(&|x| x.iter().map(|t| table.bump(*t)).sum());
-    let computed = sum(&|x| x.chunks_exact(8).fold([0.0; 8], |s, c| std::array::from_fn(|i| s[i] + bump(c[i])))[0]);
-    println!("B-spline by table of 256: {looked_up:.2} ns, by formula: {computed:.2} ns");
 
     println!("\n| depth | triangles | largest error, voxels | ratio |\n|---|---|---|---|");
     let map = volumes(4);

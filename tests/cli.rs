@@ -228,7 +228,7 @@ fn export_writes_the_deformed_volume() {
     std::fs::write(dir.path().join("p.voxclay"), PROJECT).unwrap();
     for mode in ["slicing", "tets", "reference"] {
         let e = json(&dir, &["export", "p.voxclay", "-o", "o.nrrd", "--mode", mode, "--field", "f.nrrd"]);
-        has_keys(&e, &["dims", "mode", "ms"]);
+        has_keys(&e, &["dims", "mode", "ms", "backend"]);
         assert_eq!(e["mode"], mode);
         if mode == "tets" {
             has_keys(&e["lattice"], &["tets", "max_error", "mean_error"]);
@@ -246,6 +246,67 @@ fn export_writes_the_deformed_volume() {
     json(&dir, &["convert", "rest.nrrd", "rest.raw"]);
     let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
     assert_eq!(read("same.raw"), read("rest.raw"));
+}
+
+/// The GPU fills the same grid with the same values, to a grey level, and what it cannot do is done by the CPU, and said.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn exports_of_the_gpu_are_those_of_the_cpu() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT.replace("[6, 0, 3]", "[22, 0, 0]")).unwrap();
+    let export = |out: &str, args: &[&str]| json(&dir, &[&["export", "p.voxclay", "-o", out], args].concat());
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    for more in [&[][..], &["--same-grid"], &["--spacing", "1.7"]] {
+        let cpu = export("cpu.raw", more);
+        let gpu = export("gpu.raw", &[more, &["--backend", "gpu"]].concat());
+        assert_eq!((&cpu["backend"], &gpu["backend"]), (&"cpu".into(), &"gpu".into()));
+        assert!(gpu["device"].is_string() && gpu["remark"].is_null() && cpu["device"].is_null());
+        for key in ["dims", "clipped", "outside_mesh"] {
+            assert_eq!(cpu[key], gpu[key], "{key}");
+        }
+        for key in ["moved", "outside"] {
+            let [a, b] = [&cpu, &gpu].map(|e| e[key].as_f64().unwrap());
+            assert!((a - b).abs() <= 0.002 * a, "{key}: {a} on the CPU, {b} on the GPU");
+        }
+        let [a, b] = ["cpu.raw", "gpu.raw"].map(|n| voxclay::io::read_volume(&dir.path().join(n)).unwrap().samples);
+        assert_eq!((a.len(), a.scalar_type()), (b.len(), b.scalar_type()));
+        let off = (0..a.len()).filter(|&i| (a.get(i) - b.get(i)).abs() > 1.0).count();
+        assert!(off * 10_000 < a.len(), "{off} of {} samples differ by more than a grey level", a.len());
+    }
+    for (args, why) in [(&["--interpolation", "cubic"][..], "linearly"), (&["--mode", "reference"], "f64")] {
+        let cpu = export("cpu.raw", args);
+        let gpu = export("gpu.raw", &[args, &["--backend", "gpu"]].concat());
+        assert!(gpu["backend"] == "cpu" && gpu["remark"].as_str().unwrap().contains(why), "{gpu}");
+        assert!(cpu["remark"].is_null() && read("cpu.raw") == read("gpu.raw"));
+    }
+}
+
+/// What is wrong with the sections of a mesh is said of pictures too, and fragments are counted.
+#[test]
+fn pictures_tell_of_the_mesh_they_are_cut_from() {
+    let dir = TempDir::new().unwrap();
+    // a cube through a face of an octahedron
+    let mut text = String::new();
+    for i in 0..8 {
+        let at = |bit: usize| if i >> bit & 1 == 0 { 1 } else { 5 };
+        text.push_str(&format!("v {} {} {}\n", at(0), at(1), at(2)));
+    }
+    for [a, b, c, d] in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+        text.push_str(&format!("f {a} {b} {c}\nf {a} {c} {d}\n"));
+    }
+    text.push_str("v -10 0 0\nv 10 0 0\nv 0 -10 0\nv 0 10 0\nv 0 0 -10\nv 0 0 10\n");
+    for [x, y, z] in [[10, 12, 14], [12, 9, 14], [9, 11, 14], [11, 10, 14]] {
+        text.push_str(&format!("f {x} {y} {z}\nf {y} {x} {}\n", z - 1));
+    }
+    std::fs::write(dir.path().join("crossed.obj"), text).unwrap();
+    let args = ["render", "phantom:sphere:24", "--backend", "cpu", "--size", "64x64", "--slices", "40", "-o", "o.png"];
+    let said = json(&dir, &[&args[..], &["--mesh", "crossed.obj"]].concat());
+    let warnings = said["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|w| w.as_str().unwrap().contains("intersects itself")), "{said}");
+    let out = voxclay(&dir, &[&args[..], &["--mesh", "crossed.obj"]].concat());
+    assert!(String::from_utf8_lossy(&out.stderr).contains("voxclay: the surface intersects itself"));
+    let said = json(&dir, &args);
+    assert!(said["warnings"].as_array().unwrap().is_empty() && said["fragments"].as_u64().unwrap() > 1000, "{said}");
 }
 
 /// A certificate is written beside the volume, whatever made it, and names what is wrong.
@@ -279,6 +340,67 @@ fn exports_are_certified() {
     // a tolerance that is kept
     let (_, c) = certified(&["--mode", "tets", "--tolerance", "0.02"]);
     assert!(c["lattice"]["max_error"].as_f64().unwrap() <= 0.02);
+    assert!(left_over(&dir).is_empty());
+}
+
+/// A cube of the phantom's voxels in six tetrahedra that share a diagonal, a little larger when deformed.
+fn six_tets(dir: &TempDir, name: &str, corner: f64, extra: &str, count: usize) {
+    let mut text = String::from("MeshVersionFormatted 2\nDimension 3\nVertices\n8\n");
+    for i in 0..8 {
+        let at = |bit: usize| if i >> bit & 1 == 0 { 4.0 - corner } else { 20.0 + corner };
+        text.push_str(&format!("{} {} {} 0\n", at(0), at(1), at(2)));
+    }
+    text.push_str(&format!("Tetrahedra\n{count}\n"));
+    for t in ["1 2 4 8", "1 4 3 8", "1 3 7 8", "1 7 5 8", "1 5 6 8", "1 6 2 8"] {
+        text.push_str(&format!("{t} 0\n"));
+    }
+    std::fs::write(dir.path().join(name), format!("{text}{extra}End\n")).unwrap();
+}
+
+/// A warp is certified as an export is, and a tetrahedron that is there twice is found.
+#[test]
+fn warps_are_certified() {
+    let dir = TempDir::new().unwrap();
+    let certified = |extra: &str, count: usize| -> (Value, Value) {
+        six_tets(&dir, "rest.mesh", 0.0, extra, count);
+        six_tets(&dir, "bent.mesh", 1.25, extra, count);
+        let args = ["warp", "phantom:sphere:24", "--tets", "rest.mesh", "--deformed", "bent.mesh", "--units", "voxel"];
+        let more = ["--backend", "cpu", "-o", "o.nrrd", "--certificate", "c.json"];
+        let said = json(&dir, &[&args[..], &more[..]].concat());
+        (said, serde_json::from_str(&std::fs::read_to_string(dir.path().join("c.json")).unwrap()).unwrap())
+    };
+    let (said, c) = certified("", 6);
+    has_keys(&c, &["sound", "faults", "coverage", "jacobian", "inverse", "values_clipped", "material_clipped", "mass"]);
+    assert_eq!((&said["sound"], &c["sound"]), (&Value::Bool(true), &Value::Bool(true)), "{c}");
+    assert_eq!((&c["dims"], &c["tets"], &said["certificate"]), (&said["dims"], &6.into(), &"c.json".into()));
+    let jacobian = c["jacobian"]["min"].as_f64().unwrap();
+    assert!((jacobian - (18.5f64 / 16.0).powi(3)).abs() < 1e-9, "{jacobian}");
+    // the same tetrahedron twice: everything in it is there twice
+    let (said, c) = certified("1 2 4 8 0\n", 7);
+    assert_eq!((&said["sound"], &c["sound"]), (&Value::Bool(false), &Value::Bool(false)), "{c}");
+    assert!(c["faults"][0].as_str().unwrap().contains("overlaps itself"), "{c}");
+    assert!(c["coverage"]["tets"]["more"].as_u64().unwrap() > 100, "{c}");
+    let out = voxclay(
+        &dir,
+        &[
+            "warp",
+            "phantom:sphere:24",
+            "--tets",
+            "rest.mesh",
+            "--deformed",
+            "bent.mesh",
+            "--units",
+            "voxel",
+            "--backend",
+            "cpu",
+            "-o",
+            "o.nrrd",
+            "--certificate",
+            "c.json",
+        ],
+    );
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(text.contains("c.json: not sound") && text.contains("overlaps itself"), "{text}");
     assert!(left_over(&dir).is_empty());
 }
 
@@ -359,6 +481,14 @@ fn bad_input_gets_one_sentence_and_leaves_nothing() {
         (&["convert", "phantom:sphere:24", "o.obj"], &["one kind"]),
         (&["convert", "phantom:sphere:24", "o.xyz"], &["o.xyz", "expected"]),
         (&["convert", "phantom:sphere:24", "no/such/folder/o.nrrd"], &["o.nrrd"]),
+        // what could not be written is said before any work
+        (&["convert", "cut.nrrd", "o.hdr"], &["o.hdr", "expected"]),
+        (&["convert", "cut.nrrd", "o.img.gz"], &["o.img.gz", "expected"]),
+        (&["export", "cut.nrrd", "-o", "o.img"], &["o.img", "expected"]),
+        (&["export", "cut.nrrd", "-o", "o.nrrd", "--field", "f.hdr"], &["f.hdr", "expected"]),
+        (&["export", "cut.nrrd", "-o", "no/such/folder/o.nrrd"], &["folder/o.nrrd"]),
+        (&["warp", "cut.nrrd", "--tets", "nowhere.vtk", "-o", "o.hdr"], &["o.hdr", "expected"]),
+        (&["export", "phantom:sphere:24", "-o", "o.nrrd", "--mode", "tets", "--backend", "gpu"], &["--backend gpu"]),
         (&["render", "cut.nrrd", "-o", "o.png"], &["cut.nrrd"]),
         (&["render", "not.voxclay", "-o", "o.png"], &["not.voxclay"]),
         (&["render", "newer.voxclay", "-o", "o.png"], &["newer.voxclay", "99"]),

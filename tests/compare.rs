@@ -8,8 +8,10 @@ use voxclay::evaluate::export::{ExportOptions, Precision, export, unwatched};
 use voxclay::evaluate::load::{Object, load};
 use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use voxclay::evaluate::tets;
-use voxclay::render::psnr;
 use voxclay::scene::{Document, ProxySource, VolumeSource};
+
+mod pictures;
+use pictures::difference;
 
 fn object(shaped: bool) -> (Document, Object) {
     let mut document = Document::new(VolumeSource::Phantom { name: "orange".into(), size: 48 });
@@ -142,11 +144,15 @@ fn what_went_through_a_lattice_is_drawn_and_exported_like_the_rest() {
         let (warped, report) = draw(Mode::Tets, Refinement::Tolerance(0.1));
         let tets = report.tets.unwrap();
         assert!(tets.lattice.converged && tets.lattice.max_error <= 0.1 && report.ms_total > tets.ms_warp);
-        assert!(psnr(&exact, &warped) > 28.0, "{}", psnr(&exact, &warped));
+        assert!(difference(&exact, &warped).psnr > 28.0, "{}", difference(&exact, &warped).psnr);
         // and it is not the picture of what is not deformed
         let (flat, _) =
             renderer.picture(&tets::undeformed(&object, (*object.volume).clone()), &camera, &look, &view()).unwrap();
-        assert!(psnr(&flat, &warped) < psnr(&exact, &warped) - 8.0, "{}", psnr(&flat, &warped));
+        assert!(
+            difference(&flat, &warped).psnr < difference(&exact, &warped).psnr - 8.0,
+            "{}",
+            difference(&flat, &warped).psnr
+        );
 
         let options = ExportOptions::default();
         let made = tets::resample(&object, &options, Refinement::Tolerance(0.1)).unwrap();

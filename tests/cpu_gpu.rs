@@ -11,7 +11,8 @@ use voxclay::deform::{
 use voxclay::gpu::{Gpu, Preference, Renderer, ResampleJob, ResamplePass};
 use voxclay::math::{BackwardMap, Identity, OrientedBox};
 use voxclay::render::{
-    Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, psnr, render,
+    Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, render,
+    render_until,
 };
 use voxclay::volume::sampling::{Interpolation, Sampler};
 use voxclay::volume::transfer::{ControlPoint, TransferFunction, Window};
@@ -20,6 +21,8 @@ use voxclay::with_samples;
 
 mod box_slices;
 use box_slices::box_slices;
+mod pictures;
+use pictures::difference;
 
 fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
@@ -175,7 +178,7 @@ fn covered(p: &Picture) -> f64 {
 fn agree_on(gpu: &Arc<Gpu>, scenes: &[Scene], least: f64) {
     for s in scenes {
         let (cpu, picture) = pictures(gpu, s);
-        let db = psnr(&cpu, &picture);
+        let db = difference(&cpu, &picture).psnr;
         println!("{}: {db:.1} dB, {:.0} % covered", s.what, 100.0 * covered(&cpu));
         if let Some(dir) = std::env::var_os("VOXCLAY_PICTURES") {
             for (who, p) in [("cpu", &cpu), ("gpu", &picture)] {
@@ -286,18 +289,72 @@ fn a_renderer_follows_what_is_set() {
         renderer.set_geometry(&geometry);
         let cpu = render(&geometry, field, &table, &frame, None);
         for _ in 0..2 {
-            let db = psnr(&cpu, &renderer.draw(&frame).unwrap());
+            let db = difference(&cpu, &renderer.draw(&frame).unwrap()).psnr;
             assert!(db >= 45.0, "{db:.1} dB");
         }
         // another window, nothing else: what was culled must come back
         let narrow = Frame::new(&camera, &look, field, [field.range[0], 0.4 * field.range[1]], &geometry, size, size);
-        let db = psnr(&render(&geometry, field, &table, &narrow, None), &renderer.draw(&narrow).unwrap());
+        let db = difference(&render(&geometry, field, &table, &narrow, None), &renderer.draw(&narrow).unwrap()).psnr;
         assert!(db >= 45.0, "{db:.1} dB");
     }
     assert!(renderer.timings().frame > 0.0);
     let huge = Frame { size: [1 << 20, 4, 0, 0], ..empty };
     assert!(renderer.draw(&huge).is_err() && renderer.draw(&Frame { size: [0, 4, 0, 0], ..empty }).is_err());
     assert!(renderer.draw(&empty).is_ok(), "a refused picture leaves everything in order");
+}
+
+/// Slices that cover the whole picture, and of which none hides another: as many fragments as slices times pixels.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn fragments_are_counted() {
+    let grid = Grid::aligned([32, 32, 32], DVec3::ONE, DVec3::ZERO).unwrap();
+    let field = Field::from_volume(Arc::new(Volume::new(grid, 1, Samples::U8(vec![128; grid.len()]))));
+    let faint = ControlPoint { at: 0.0, color: [1.0; 3], opacity: 0.001 };
+    let thin = TransferFunction { points: vec![faint, ControlPoint { at: 1.0, ..faint }], ..tf() };
+    let table = Arc::new(ClassTable::build(&thin, 1.0, true));
+    let camera = Camera { target: grid.center(), yaw: 0.0, pitch: 0.0, radius: 10.0, zoom: 1.0, ..camera(false) };
+    let geometry = Arc::new(box_slices(&grid, &camera, &Identity, 1.0, 0));
+    let frame = Frame::new(&camera, &Look::default(), &field, [0.0, 255.0], &geometry, 70, 50);
+    let filled = geometry.slices.iter().filter(|s| !s.is_empty()).count() as u64;
+    let (_, counted) = render_until(&geometry, &field, &table, &frame, None, &|| false).unwrap();
+    assert_eq!(counted, filled * 70 * 50);
+    let mut renderer = Renderer::new(gpu()).unwrap();
+    renderer.set_field(&field).unwrap();
+    renderer.set_table(&table);
+    renderer.set_geometry(&geometry);
+    renderer.draw(&frame).unwrap();
+    assert_eq!(renderer.fragments().is_some(), gpu().capabilities().statistics);
+    if let Some(n) = renderer.fragments() {
+        // devices shade in blocks and count what of them is not drawn; Mesa's lavapipe has blocks of 16 by 16 pixels
+        assert!((counted..counted * 2).contains(&n), "{n} on the GPU, {counted} on the CPU");
+    }
+}
+
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn the_same_volume_is_uploaded_once() {
+    let mut renderer = Renderer::new(gpu()).unwrap();
+    let table = Arc::new(ClassTable::build(&tf(), 1.0, true));
+    renderer.set_table(&table);
+    for t in [ScalarType::U8, ScalarType::F32] {
+        let shared = Arc::new(volume(t, 1));
+        let field = Field::from_volume(shared.clone());
+        let geometry = Arc::new(box_slices(&field.grid, &camera(false), &Identity, 1.5, 0));
+        renderer.set_geometry(&geometry);
+        let frame = Frame::new(&camera(false), &Look::default(), &field, field.range, &geometry, 64, 64);
+        assert!(renderer.set_field(&field).unwrap());
+        let first = renderer.draw(&frame).unwrap();
+        // another handle on the same texels
+        assert!(field.same_as(&field.clone()) && !renderer.set_field(&field.clone()).unwrap());
+        assert_eq!(renderer.draw(&frame).unwrap().pixels, first.pixels);
+        // the same texels elsewhere in the world, and equal ones in another place
+        let mut moved = field.clone();
+        moved.grid.world_from_voxel.translation.x += 1.0;
+        assert!(renderer.set_field(&moved).unwrap());
+        let twin = Field::from_volume(Arc::new(shared.as_ref().clone()));
+        assert!(!twin.same_as(&field) && renderer.set_field(&twin).unwrap());
+        assert_eq!(renderer.draw(&frame).unwrap().pixels, first.pixels);
+    }
 }
 
 /// The reference: every voxel in `f64`.
@@ -413,7 +470,7 @@ fn a_receiver_stops_the_work() {
         Err("full")
     });
     assert_eq!(stopped.unwrap_err().to_string(), "full");
-    let all: Result<(), voxclay::gpu::ResampleError<()>> = pass.run(&gpu, &v, job, |first, values| {
+    let all: Result<_, voxclay::gpu::ResampleError<()>> = pass.run(&gpu, &v, job, |first, values| {
         next = first + values.len();
         Ok(())
     });

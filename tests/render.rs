@@ -6,11 +6,13 @@ use glam::{DAffine3, DMat3, DVec3};
 use voxclay::math::{BackwardMap, Identity, OrientedBox};
 use voxclay::render::{
     Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, SliceVertex,
-    max_difference, psnr, render,
+    render,
 };
 use voxclay::volume::transfer::{ControlPoint, TransferFunction, Window, linear_from_srgb, srgb_from_linear};
 use voxclay::volume::{Grid, Samples, Space, Volume};
 
+mod pictures;
+use pictures::difference;
 #[path = "render/slices.rs"]
 mod slices;
 use slices::{box_slices, mapped_slices};
@@ -306,20 +308,20 @@ impl<'a> Case<'a> {
         let p = psnr_inside(&got, &want);
         let drawn = got.pixels.iter().filter(|p| **p != got.pixels[0]).count();
         assert!(drawn * 8 > got.pixels.len(), "{what}: nearly empty, {drawn} pixels");
-        assert!(p >= least, "{what}: {p:.1} dB, largest difference {}", max_difference(&got, &want));
+        assert!(p >= least, "{what}: {p:.1} dB, largest difference {}", difference(&got, &want).max);
     }
 }
 
 /// PSNR without the worst thousandth of the pixels: a ray within rounding of a silhouette may hit or miss.
 fn psnr_inside(got: &Picture, want: &Picture) -> f64 {
-    let difference = |i: &usize| got.pixels[*i].iter().zip(want.pixels[*i]).map(|(a, b)| a.abs_diff(b)).max();
+    let off = |i: &usize| got.pixels[*i].iter().zip(want.pixels[*i]).map(|(a, b)| a.abs_diff(b)).max();
     let mut order: Vec<usize> = (0..got.pixels.len()).collect();
-    order.sort_by_key(|i| std::cmp::Reverse(difference(i)));
+    order.sort_by_key(|i| std::cmp::Reverse(off(i)));
     let mut got = got.clone();
     for i in order.drain(..got.pixels.len().div_ceil(1000)) {
         got.pixels[i] = want.pixels[i];
     }
-    psnr(&got, want)
+    difference(&got, want).psnr
 }
 
 fn real_values(field: &Field) -> Vec<f64> {
@@ -448,15 +450,15 @@ fn deformed_fields_agree_with_the_reference() {
         let p = psnr_inside(&got, &want);
         assert!(p >= 45.0, "exact {shading:?}: {p:.1} dB");
         // interpolated: better with more triangles
-        let coarse = psnr(&case.render(), &want);
+        let coarse = difference(&case.render(), &want).psnr;
         case.rings = 12;
-        let fine = psnr(&case.render(), &want);
+        let fine = difference(&case.render(), &want).psnr;
         assert!(fine > coarse + 3.0 && fine >= 38.0, "{shading:?}: {coarse:.1} then {fine:.1} dB");
     }
     // the identity changes nothing
     let case = Case::new(&field);
     let exact = case.render_with(&case.geometry(), Some(Exact { map: &Identity, texture_from_world: m }));
-    assert!(psnr(&exact, &case.render()) >= 50.0);
+    assert!(difference(&exact, &case.render()).psnr >= 50.0);
 }
 
 // ---- analytic ----
@@ -535,7 +537,7 @@ fn the_number_of_slices_does_not_change_the_brightness() {
     let fine = case.render();
     case.distance = 1.0;
     let coarse = case.render();
-    assert!(psnr(&fine, &coarse) > 38.0, "{:.1} dB", psnr(&fine, &coarse));
+    assert!(difference(&fine, &coarse).psnr > 38.0, "{:.1} dB", difference(&fine, &coarse).psnr);
 }
 
 #[test]
@@ -610,7 +612,7 @@ fn rgba_fields_show_their_own_colours() {
     let wide = texels.iter().map(|t| u16::from(*t) * 257).collect();
     let wide = Field::from_volume(Arc::new(Volume::new(grid, 4, Samples::U16(wide))));
     let frame = Frame::new(&case.camera, &case.look, &wide, [0.0, 65535.0], &case.geometry(), 64, 64);
-    assert!(max_difference(&render(&case.geometry(), &wide, &case.table(), &frame, None), &u8_picture) <= 1);
+    assert!(difference(&render(&case.geometry(), &wide, &case.table(), &frame, None), &u8_picture).max <= 1.0);
 }
 
 // ---- coverage ----

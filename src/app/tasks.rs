@@ -286,7 +286,7 @@ fn exported(
         ExportMode::Slicing | ExportMode::Reference => {
             let precision = if job.mode == ExportMode::Reference { Precision::Reference } else { Precision::Fast };
             let options = ExportOptions { precision, ..job.options };
-            let made = resample::export_watched(object, &options, &|done| watch.report(done))?;
+            let made = resample::export_watched(object, &options, Backend::Cpu, &|done| watch.report(done))?;
             if made.report.clipped > 0 {
                 notes.push(format!(
                     "{} voxels were pulled out of the grid and are not in the file",

@@ -32,6 +32,9 @@ pub fn run(args: &Args) -> Result<Answer> {
             args.output.display()
         );
     };
+    if to == FileKind::Volume {
+        io::check_volume_output(&args.output)?;
+    }
     // what nobody knows by its name may be a volume by its content
     let from = from.unwrap_or(FileKind::Volume);
     if from != to {

@@ -10,12 +10,13 @@ use serde_json::{Value, json};
 use super::Answer;
 use super::render::report_json;
 use super::view::BackendArg;
+use crate::compare;
 use crate::deform::{Deformation, Deformer, DisplacementVolume, Grab, Limit};
 use crate::evaluate::export::ExportOptions;
-use crate::evaluate::picture::{Mode, Refinement, Renderer, ViewOptions};
+use crate::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use crate::evaluate::{load, resample};
 use crate::io;
-use crate::render::{Picture, max_difference, psnr};
+use crate::render::Picture;
 use crate::scene::{self, Document, ProxySource, ShadingSpec, VolumeSource};
 
 /// Sculpt the built-in head: three strokes, pictures before and after in each mode, the exported volume, a comparison.
@@ -62,7 +63,7 @@ pub fn run(args: &Args) -> Result<Answer> {
 
     let metrics = job.compare(&sculpted, &document, &options)?;
 
-    let exported = resample::export(&sculpted, &ExportOptions::default())?;
+    let exported = resample::export(&sculpted, &ExportOptions::default(), Backend::Cpu)?;
     job.ms.insert("export".into(), json!(exported.ms));
     let volume = job.path("head-sculpted.nrrd");
     io::write_volume(&volume, &exported.volume, &io::WriteOptions::default())?;
@@ -168,7 +169,7 @@ impl Job<'_> {
     /// Slicing at each subdivision depth against the exact map.
     fn compare(&mut self, object: &load::Object, document: &Document, options: &ViewOptions) -> Result<Vec<Value>> {
         // the reference is the CPU's: one renderer for all, so that only the subdivision differs
-        let mut renderer = Renderer::new(crate::evaluate::picture::Backend::Cpu)?;
+        let mut renderer = Renderer::new(Backend::Cpu)?;
         let camera = object.camera(&document.camera);
         let look = document.look.look(object.iso);
         let exact = ViewOptions { mode: Mode::SlicingExact, ..*options };
@@ -179,11 +180,14 @@ impl Job<'_> {
         for (name, refinement) in depths.chain([("0.1 voxel".to_owned(), Refinement::Tolerance(0.1))]) {
             let (picture, report) =
                 renderer.picture(object, &camera, &look, &ViewOptions { refinement, ..*options })?;
+            let pixels = [&picture, &reference].map(|p| p.pixels.as_flattened());
+            let size = [picture.width as usize, picture.height as usize, 1];
+            let difference = compare::difference(pixels[0], pixels[1], size, 4, 255.0)?;
             rows.push(json!({
                 "subdivision": name,
                 "triangles": report.triangles,
-                "psnr": psnr(&picture, &reference),
-                "max": max_difference(&picture, &reference),
+                "psnr": difference.psnr,
+                "max": difference.max as u8,
                 "ms": report_json(&report)["ms"],
             }));
         }

@@ -1,6 +1,5 @@
 //! `voxclay export`: the deformed volume on a grid.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -8,8 +7,9 @@ use glam::DVec3;
 use serde_json::json;
 
 use super::Answer;
+use super::certificate::attach;
 use super::render::{lattice_json, unconverged};
-use super::view::{checked_tolerance, parse_proxy};
+use super::view::{BackendArg, checked_tolerance, parse_proxy};
 use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
 use crate::evaluate::export::{ExportOptions, GridChoice, Precision, export_field, stored_outside, unwatched};
 use crate::evaluate::picture::Refinement;
@@ -74,6 +74,10 @@ pub struct Args {
     same_grid: bool,
     #[arg(long, value_enum, default_value = "linear")]
     interpolation: InterpolationArg,
+    /// Who fills the grid of --mode slicing: the CPU gives the same bytes on every machine, the GPU values that may differ by
+    /// a grey level. `auto` takes a real GPU if there is one.
+    #[arg(long, value_enum, default_value = "cpu")]
+    backend: BackendArg,
     /// Value where there is nothing (default: the volume's smallest).
     #[arg(long, value_name = "V", allow_negative_numbers = true)]
     outside: Option<f64>,
@@ -90,15 +94,13 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Answer> {
     for path in std::iter::once(&args.output).chain(&args.field) {
-        if !io::is_volume_path(path) {
-            bail!(
-                "{}: no known volume format by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw",
-                path.display()
-            );
-        }
+        io::check_volume_output(path)?;
     }
     if args.tolerance.is_some() && args.mode != ModeArg::Tets {
         bail!("--tolerance goes with --mode tets only");
+    }
+    if args.mode == ModeArg::Tets && args.backend == BackendArg::Gpu {
+        bail!("--backend gpu goes with --mode slicing only; `voxclay warp` warps on the GPU");
     }
     let tolerance = checked_tolerance(args.tolerance)?.unwrap_or(tets::TOLERANCE);
     if args.spacing.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
@@ -136,19 +138,11 @@ pub fn run(args: &Args) -> Result<Answer> {
     json["output"] = json!(args.output.to_string_lossy());
     json["dims"] = json!([x, y, z]);
     text.insert_str(0, &format!("{}: {x} x {y} x {z}, ", args.output.display()));
+    let mut answer = Answer { json, text };
     if let (Some(path), Some(certificate)) = (&args.certificate, certificate) {
-        let mut page = serde_json::to_value(&certificate)?;
-        for key in ["mode", "output", "dims", "lattice"] {
-            page[key] = json[key].clone();
-        }
-        io::write_atomic(path, |w| Ok(writeln!(w, "{page:#}")?))?;
-        json["certificate"] = json!(path.to_string_lossy());
-        json["sound"] = json!(certificate.sound);
-        let verdict = if certificate.sound { "sound" } else { "not sound" };
-        text.push_str(&format!("  {}: {verdict}\n", path.display()));
-        certificate.faults.iter().for_each(|f| text.push_str(&format!("    {f}\n")));
+        attach(&mut answer, &certificate, path, &["mode", "output", "dims", "lattice"])?;
     }
-    Ok(Answer { json, text })
+    Ok(answer)
 }
 
 /// A volume, and what is to be said about it.
@@ -161,9 +155,14 @@ struct Made {
 }
 
 fn through_map(args: &Args, object: &load::Object, options: &ExportOptions) -> Result<Made> {
-    let Exported { volume, report: r, outside_mesh, ms } = resample::export(object, options)?;
+    let Exported { volume, report: r, outside_mesh, device, remark, ms } =
+        resample::export(object, options, args.backend.into())?;
     let mode = if args.mode == ModeArg::Reference { "reference" } else { "slicing" };
-    let mut text = format!("{mode}, {ms:.0} ms; {} voxels moved\n", r.moved);
+    let on = device.as_ref().map_or(String::new(), |name| format!(" on {name}"));
+    let mut text = format!("{mode}, {ms:.0} ms{on}; {} voxels moved\n", r.moved);
+    if let Some(remark) = &remark {
+        text.push_str(&format!("  {remark}\n"));
+    }
     if r.clipped > 0 {
         let n = r.clipped;
         text.push_str(&format!(
@@ -179,6 +178,9 @@ fn through_map(args: &Args, object: &load::Object, options: &ExportOptions) -> R
     };
     let json = json!({
         "mode": mode,
+        "backend": if device.is_some() { "gpu" } else { "cpu" },
+        "device": device,
+        "remark": remark,
         "moved": r.moved,
         "outside": r.outside,
         "outside_mesh": outside_mesh,
@@ -214,6 +216,7 @@ fn through_tets(args: &Args, object: &load::Object, options: &ExportOptions, tol
     };
     let json = json!({
         "mode": "tets",
+        "backend": "cpu",
         "outside": made.volume.grid.len() as u64 - made.tally.written + made.tally.beyond,
         "outside_mesh": made.outside_mesh,
         "lattice": lattice_json(lattice),

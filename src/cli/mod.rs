@@ -2,6 +2,7 @@
 
 mod app;
 mod bench;
+mod certificate;
 mod compare;
 mod convert;
 mod demo;

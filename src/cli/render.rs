@@ -39,6 +39,9 @@ pub fn run(args: &Args) -> Result<Answer> {
     let look = document.look.look(object.iso);
     let camera = object.camera(&document.camera);
     let (picture, report) = Renderer::new(options.backend)?.picture(&object, &camera, &look, &options)?;
+    for warning in &report.warnings {
+        eprintln!("voxclay: {warning}");
+    }
     let png = picture.png()?;
     io::write_atomic(&args.output, |w| std::io::Write::write_all(w, &png))?;
     let mut text = format!(
@@ -71,6 +74,7 @@ pub fn report_json(report: &PictureReport) -> serde_json::Value {
         "slices": report.slices,
         "triangles": report.triangles,
         "fragments": report.fragments,
+        "warnings": report.warnings,
         "backend": report.backend,
         "device": report.device,
         "ms": {

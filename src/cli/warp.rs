@@ -8,10 +8,12 @@ use glam::{DAffine3, DVec3};
 use serde_json::json;
 
 use super::Answer;
+use super::certificate::attach;
 use super::export::InterpolationArg;
 use super::view::BackendArg;
-use crate::evaluate::load;
+use crate::evaluate::certificate::{self, Subject, TetField};
 use crate::evaluate::picture::Backend;
+use crate::evaluate::{EvaluateError, load};
 use crate::gpu::{Gpu, Preference, WarpPass};
 use crate::io;
 use crate::mesh::tets::TetMesh;
@@ -85,6 +87,9 @@ pub struct Args {
     /// The volume to write: .nrrd .nhdr .nii .nii.gz .mha .mhd .raw.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// Also write what the result is worth: holes, overlaps, turned tetrahedra, losses, labels, mass.
+    #[arg(long, value_name = "C.json")]
+    certificate: Option<PathBuf>,
 }
 
 /// Milliseconds of the parts of a warp.
@@ -106,12 +111,7 @@ struct Outcome {
 }
 
 pub fn run(args: &Args) -> Result<Answer> {
-    if !io::is_volume_path(&args.output) {
-        bail!(
-            "{}: no known volume format by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw",
-            args.output.display()
-        );
-    }
+    io::check_volume_output(&args.output)?;
     let volume = load::read_source(&load::parse_source(&args.volume)?, Path::new("."))?;
     let (mesh, moved) = positions(args)?;
     // what the mesh's coordinates are in
@@ -141,7 +141,21 @@ pub fn run(args: &Args) -> Result<Answer> {
     }
     .with_context(|| format!("{} warped by {}", args.volume, args.tets.display()))?;
     io::write_volume(&args.output, &outcome.made, &io::WriteOptions::default())?;
-    Ok(answer(args, &outcome))
+    let mut answer = answer(args, &outcome);
+    if let Some(path) = &args.certificate {
+        let subject = Subject {
+            input: &volume,
+            output: &outcome.made,
+            interpolation: options.interpolation,
+            outside: options.outside,
+            density: options.density,
+        };
+        // the mesh need not fill the grid, and it is all there is
+        let field = TetField { tets: &mesh.tets, rest: &rest, deformed: &moved, fills: false, exact: None };
+        let certificate = certificate::of_tets(&subject, &field).map_err(EvaluateError::from)?;
+        attach(&mut answer, &certificate, path, &["output", "dims", "tets", "backend"])?;
+    }
+    Ok(answer)
 }
 
 /// The GPU, if it is to be used.

@@ -54,6 +54,18 @@ pub struct GeometryOptions {
 /// # Errors
 /// If the view has no direction, or there would be absurdly many slices.
 pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Result<SliceGeometry, EvaluateError> {
+    slices_with_warnings(object, camera, options).map(|(geometry, _)| geometry)
+}
+
+/// The same, and a plain sentence for each kind of defect that the mesh's sections show.
+///
+/// # Errors
+/// As [`slices`].
+pub fn slices_with_warnings(
+    object: &Object,
+    camera: &Camera,
+    options: &GeometryOptions,
+) -> Result<(SliceGeometry, Vec<String>), EvaluateError> {
     let grid = &object.volume.grid;
     let frame = PlaneFrame::across(camera.to_eye()).ok_or(EvaluateError::View)?;
     let center = grid.center();
@@ -69,6 +81,7 @@ pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Re
     let mut slicer = Slicer::default();
     let sections = slicer.slice(&object.mesh.positions, &object.topology, &planes)?;
 
+    let warnings = sections.warnings().map(|w| w.sentence(&planes)).collect();
     let prepared = object.stack.prepared();
     let boxes = if options.subdivide { prepared.supports() } else { Vec::new() };
     let cuts = cuts(&boxes, &planes, sections);
@@ -112,7 +125,7 @@ pub fn slices(object: &Object, camera: &Camera, options: &GeometryOptions) -> Re
     let run = planes.count.div_ceil(8 * rayon::current_num_threads()).max(1);
     let starts: Vec<usize> = (0..planes.count).step_by(run).collect();
     let parts: Vec<Part> = starts.par_iter().map(|&first| maker.part(first..(first + run).min(planes.count))).collect();
-    Ok(join(parts, center, planes.step))
+    Ok((join(parts, center, planes.step), warnings))
 }
 
 /// For each plane the sections of the boxes that may meet the object there.

@@ -56,10 +56,13 @@ pub struct ViewOptions {
 pub struct PictureReport {
     pub slices: usize,
     pub triangles: usize,
-    /// Fragments that were evaluated; `None` where the renderer cannot count them.
+    /// Fragments that were shaded; `None` where the GPU cannot count them. The CPU leaves out those behind opaque ones and
+    /// where nothing can be seen, the GPU only whole triangles of such.
     pub fragments: Option<u64>,
     pub backend: &'static str,
     pub device: String,
+    /// Plain sentences on what is wrong with the mesh's sections.
+    pub warnings: Vec<String>,
     /// Of [`Mode::Tets`].
     pub tets: Option<TetsReport>,
     pub ms_geometry: f64,
@@ -78,6 +81,16 @@ pub struct TetsReport {
 /// Whether it is worth asking: on Linux, a graphics card shows as a device file.
 fn may_have_gpu() -> bool {
     !cfg!(target_os = "linux") || ["/dev/dri", "/dev/nvidia0", "/dev/dxg"].iter().any(|p| Path::new(p).exists())
+}
+
+/// The device of a backend; `None` is the CPU.
+pub(super) fn device(backend: Backend) -> Result<Option<Gpu>, EvaluateError> {
+    Ok(match backend {
+        Backend::Cpu => None,
+        Backend::Gpu => Some(Gpu::open(Preference::Any)?),
+        Backend::Auto if !may_have_gpu() => None,
+        Backend::Auto => Gpu::open(Preference::Any).ok().filter(|g| !g.is_software()),
+    })
 }
 
 /// How slices for a picture are made.
@@ -100,13 +113,7 @@ impl Renderer {
     /// # Errors
     /// If the GPU is asked for and none can be opened.
     pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
-        let device = match backend {
-            Backend::Cpu => None,
-            Backend::Gpu => Some(Gpu::open(Preference::Any)?),
-            Backend::Auto if !may_have_gpu() => None,
-            Backend::Auto => Gpu::open(Preference::Any).ok().filter(|g| !g.is_software()),
-        };
-        Ok(Self { gpu: device.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
+        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
     }
 
     /// Draws an object.
@@ -156,7 +163,8 @@ impl Renderer {
             let ms_total = started.elapsed().as_secs_f64() * 1e3;
             return Ok(Some((picture, PictureReport { tets, ms_total, ..report })));
         }
-        let geometry = Arc::new(geometry::slices(object, camera, &geometry_options(options))?);
+        let (geometry, warnings) = geometry::slices_with_warnings(object, camera, &geometry_options(options))?;
+        let geometry = Arc::new(geometry);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         if stop() {
             return Ok(None);
@@ -173,7 +181,8 @@ impl Renderer {
                 gpu.set_table(&table);
                 gpu.set_exact((options.mode == Mode::SlicingExact).then_some(&object.stack));
                 gpu.set_geometry(&geometry);
-                (gpu.draw(&frame)?, None)
+                let picture = gpu.draw(&frame)?;
+                (picture, gpu.fragments())
             }
             None => {
                 let prepared = object.stack.prepared();
@@ -182,7 +191,7 @@ impl Renderer {
                     texture_from_world: object.field.grid.texture_from_world(),
                 });
                 match render::render_until(&geometry, &object.field, &table, &frame, exact, stop) {
-                    Some(picture) => (picture, None),
+                    Some((picture, fragments)) => (picture, Some(fragments)),
                     None => return Ok(None),
                 }
             }
@@ -192,6 +201,7 @@ impl Renderer {
             triangles: geometry.indices.len() / 3,
             fragments,
             tets: None,
+            warnings,
             backend: if self.gpu.is_some() { "gpu" } else { "cpu" },
             device: self.device(),
             ms_geometry,

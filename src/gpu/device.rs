@@ -45,6 +45,8 @@ pub struct Capabilities {
     pub filter_float32: bool,
     /// Timestamps at the start and end of passes.
     pub timestamps: bool,
+    /// Invocations of fragment shaders can be counted.
+    pub statistics: bool,
 }
 
 impl Capabilities {
@@ -53,6 +55,7 @@ impl Capabilities {
             unorm16: features.contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM),
             filter_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+            statistics: features.contains(wgpu::Features::PIPELINE_STATISTICS_QUERY),
         }
     }
 }
@@ -120,7 +123,8 @@ impl Gpu {
         let wanted = wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
-            | wgpu::Features::TIMESTAMP_QUERY;
+            | wgpu::Features::TIMESTAMP_QUERY
+            | wgpu::Features::PIPELINE_STATISTICS_QUERY;
         let features = adapter.features() & (wanted - avoid);
         let limits = adapter.limits();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {

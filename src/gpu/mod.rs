@@ -35,6 +35,6 @@ pub mod warp;
 pub use device::{Capabilities, Gpu, Preference};
 pub use error::GpuError;
 pub use renderer::Renderer;
-pub use resample::{ResampleError, ResampleJob, ResamplePass};
+pub use resample::{ResampleError, ResampleJob, ResamplePass, ResampleTally};
 pub use timing::Timings;
 pub use warp::{WarpGpuError, WarpLimits, WarpPass};

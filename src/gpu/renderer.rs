@@ -9,7 +9,7 @@ use super::layout::ObjectUniform;
 use super::resolve::{PixelTarget, ResolvePass};
 use super::shader::{Mode, Variant};
 use super::slicing::{GeometryBuffers, SliceTarget, SlicingPass, common_jacobian};
-use super::timing::{Timer, Timings};
+use super::timing::{Counter, Timer, Timings};
 use super::volume::VolumeTexture;
 use super::{Gpu, GpuError};
 use crate::deform::Stack;
@@ -56,6 +56,8 @@ pub struct Renderer {
     resolve: ResolvePass,
     targets: Option<(SliceTarget, PixelTarget)>,
     timer: Option<Timer>,
+    counter: Option<Counter>,
+    fragments: Option<u64>,
     timings: Timings,
 }
 
@@ -116,6 +118,7 @@ impl Renderer {
         let resolve = ResolvePass::new(&gpu, &frame_layout)?;
         let geometry = GeometryBuffers::new(&gpu)?;
         let timer = Timer::new(&gpu);
+        let counter = Counter::new(&gpu);
         gpu.check()?;
         Ok(Self {
             gpu,
@@ -137,6 +140,8 @@ impl Renderer {
             resolve,
             targets: None,
             timer,
+            counter,
+            fragments: None,
             timings: Timings::default(),
         })
     }
@@ -145,11 +150,14 @@ impl Renderer {
         &self.gpu
     }
 
-    /// Uploads a field. It stays until another one is set.
+    /// Uploads a field, unless the very same is set. It stays until another one is. Says whether it was uploaded.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]; then nothing is set.
-    pub fn set_field(&mut self, field: &Field) -> Result<(), GpuError> {
+    pub fn set_field(&mut self, field: &Field) -> Result<bool, GpuError> {
+        if self.object.as_ref().is_some_and(|o| o.field.same_as(field)) {
+            return Ok(false);
+        }
         // before the new volume, or both would be held at once
         self.object = None;
         let gpu = &self.gpu;
@@ -180,7 +188,7 @@ impl Renderer {
         if let Some((_, uploaded)) = &mut self.exact {
             *uploaded = None;
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Uploads the table of a transfer function.
@@ -295,10 +303,14 @@ impl Renderer {
             variant.map(|(v, o)| (v, [&self.frame_group, &o.group, &self.map_group])),
             &self.geometry,
             stamps(0),
+            self.counter.as_ref(),
         );
         self.resolve.run(&mut encoder, pixels, &self.frame_group, mode == Frame::MIP, stamps(1));
         if let Some(timer) = &self.timer {
             timer.finish(&mut encoder);
+        }
+        if let Some(counter) = &self.counter {
+            counter.finish(&mut encoder);
         }
         self.gpu.queue.submit([encoder.finish()]);
         let picture = pixels.read(&self.gpu)?;
@@ -307,7 +319,13 @@ impl Renderer {
             let [slicing, resolve] = timer.read(&self.gpu)?;
             (self.timings.slicing, self.timings.resolve) = (Some(slicing), Some(resolve));
         }
+        self.fragments = self.counter.as_ref().map(|c| c.read(&self.gpu)).transpose()?;
         Ok(picture)
+    }
+
+    /// Fragments that were shaded for the last picture, as the device counts them; `None` where it does not.
+    pub fn fragments(&self) -> Option<u64> {
+        self.fragments
     }
 
     /// Times of the last picture.

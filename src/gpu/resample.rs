@@ -13,11 +13,13 @@ use super::slicing::buffer;
 use super::volume::{CHUNK, texture_size, write_layers};
 use super::{Gpu, GpuError, shader};
 use crate::deform::Stack;
-use crate::volume::{Grid, Samples, Scalar, Volume};
+use crate::volume::{Grid, Samples, Scalar, ScalarType, Volume};
 use crate::with_samples;
 
 /// Bytes of the output that are worked on at once.
 const BUDGET: u64 = 16 << 20;
+/// Bytes of the two counts.
+const COUNTS: u64 = 8;
 
 /// What to make.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +30,15 @@ pub struct ResampleJob<'a> {
     pub nearest: bool,
     /// The stored value beyond the input.
     pub outside: f32,
+}
+
+/// What happened to the voxels of the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ResampleTally {
+    /// Those whose value comes from elsewhere, by more than 1/1000 voxel of the input.
+    pub moved: u64,
+    /// Those whose value lies beyond the input and is the outside value.
+    pub outside: u64,
 }
 
 /// Why resampling stopped.
@@ -68,6 +79,7 @@ impl ResamplePass {
         let volume_layout = group("raw volume", &[entry(0, raw)]);
         let mut pass = MapBuffers::layout(stages).to_vec();
         pass.push(entry(3, buffer(wgpu::BufferBindingType::Storage { read_only: false })));
+        pass.push(entry(4, buffer(wgpu::BufferBindingType::Storage { read_only: false })));
         let pass_layout = group("resample", &pass);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("resample"),
@@ -102,7 +114,7 @@ impl ResamplePass {
         volume: &Volume,
         job: ResampleJob<'_>,
         mut receive: impl FnMut(usize, &[f32]) -> Result<(), E>,
-    ) -> Result<(), ResampleError<E>> {
+    ) -> Result<ResampleTally, ResampleError<E>> {
         let limits = gpu.limits();
         let (texture, scale) = upload(gpu, volume)?;
         let [nx, ny, nz] = texture_size(job.output.dims, u32::MAX)?;
@@ -118,7 +130,9 @@ impl ResamplePass {
 
         let values =
             buffer(gpu, "resampled values", bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)?;
-        let readback = buffer(gpu, "resampled values", bytes, wgpu::BufferUsages::MAP_READ)?;
+        let counts = buffer(gpu, "counts", COUNTS, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)?;
+        // the values, and the counts behind them
+        let readback = buffer(gpu, "resampled values", bytes + COUNTS, wgpu::BufferUsages::MAP_READ)?;
         let uniform = buffer(gpu, "job", size_of::<ResampleUniform>() as u64, wgpu::BufferUsages::UNIFORM)?;
         let mut map = MapBuffers::new(gpu)?;
         let voxel_from_world = volume.grid.voxel_from_world();
@@ -139,6 +153,7 @@ impl ResamplePass {
         );
         let mut entries = map.entries().to_vec();
         entries.push(wgpu::BindGroupEntry { binding: 3, resource: values.as_entire_binding() });
+        entries.push(wgpu::BindGroupEntry { binding: 4, resource: counts.as_entire_binding() });
         let pass_group = group(&self.pass_layout, &entries);
 
         let matrix = |m: DAffine3| DMat4::from(m).as_mat4().to_cols_array_2d();
@@ -152,6 +167,7 @@ impl ResamplePass {
             chunk: [0; 4],
             value: [scale, job.outside, 0.0, 0.0],
         };
+        let mut tally = ResampleTally::default();
         for first in (0..rows).step_by(step) {
             let voxels = (step.min(rows - first) * nx as usize) as u32;
             let used = u64::from(voxels) * channels as u64 * 4;
@@ -161,6 +177,7 @@ impl ResamplePass {
             gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&record));
             let mut encoder =
                 gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("resample") });
+            encoder.clear_buffer(&counts, 0, None);
             let mut pass = encoder
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("resample"), timestamp_writes: None });
             pass.set_pipeline(&self.pipeline);
@@ -171,20 +188,54 @@ impl ResamplePass {
             pass.dispatch_workgroups(groups[0], groups[1], 1);
             drop(pass);
             encoder.copy_buffer_to_buffer(&values, 0, &readback, 0, used);
+            encoder.copy_buffer_to_buffer(&counts, 0, &readback, used, COUNTS);
             gpu.queue.submit([encoder.finish()]);
-            gpu.read(&readback, |bytes| receive(first * row, bytemuck::cast_slice(&bytes[..used as usize])))?
-                .map_err(ResampleError::Receiver)?;
+            let used = used as usize;
+            gpu.read(&readback, |bytes| {
+                let [moved, outside]: [u32; 2] = bytemuck::pod_read_unaligned(&bytes[used..used + COUNTS as usize]);
+                tally.moved += u64::from(moved);
+                tally.outside += u64::from(outside);
+                receive(first * row, bytemuck::cast_slice(&bytes[..used]))
+            })?
+            .map_err(ResampleError::Receiver)?;
         }
-        Ok(())
+        Ok(tally)
+    }
+
+    /// Why a volume cannot be resampled here without losing digits; `None` if it can.
+    pub fn unsupported(gpu: &Gpu, volume: &Volume) -> Option<&'static str> {
+        let most = gpu.limits().max_texture_dimension_3d as usize;
+        match volume.samples.scalar_type() {
+            ScalarType::U32 | ScalarType::I32 => Some("32-bit integers lose digits in its arithmetic"),
+            ScalarType::F64 => Some("64-bit numbers lose digits in its arithmetic"),
+            _ if volume.channels > 4 => Some("more than four channels do not fit a texel"),
+            _ if volume.grid.dims.iter().any(|n| *n > most) => {
+                Some("the volume has more voxels along a side than a texture")
+            }
+            _ => None,
+        }
     }
 
     /// Resamples into samples of the volume's type, rounded to nearest.
     ///
     /// # Errors
-    /// What the device reports.
-    pub fn volume(&self, gpu: &Gpu, volume: &Volume, job: ResampleJob<'_>) -> Result<Volume, GpuError> {
+    /// What the device reports, and [`GpuError::OutOfMemory`] if the host cannot hold the result.
+    pub fn samples(
+        &self,
+        gpu: &Gpu,
+        volume: &Volume,
+        job: ResampleJob<'_>,
+    ) -> Result<(Samples, ResampleTally), GpuError> {
         let count = job.output.len() * volume.channels;
-        let samples = with_samples!(&volume.samples, v => self.typed(gpu, volume, job, count, v))?;
+        with_samples!(&volume.samples, v => self.typed(gpu, volume, job, count, v))
+    }
+
+    /// The same as a volume.
+    ///
+    /// # Errors
+    /// As [`ResamplePass::samples`].
+    pub fn volume(&self, gpu: &Gpu, volume: &Volume, job: ResampleJob<'_>) -> Result<Volume, GpuError> {
+        let (samples, _) = self.samples(gpu, volume, job)?;
         let mut made = Volume::new(*job.output, volume.channels, samples);
         made.rescale = volume.rescale;
         Ok(made)
@@ -197,14 +248,18 @@ impl ResamplePass {
         job: ResampleJob<'_>,
         count: usize,
         _: &[T],
-    ) -> Result<Samples, GpuError> {
-        let mut out = Vec::with_capacity(count);
+    ) -> Result<(Samples, ResampleTally), GpuError> {
+        let mut out = Vec::new();
+        out.try_reserve_exact(count).map_err(|_| GpuError::OutOfMemory {
+            what: "the exported volume",
+            bytes: (count * size_of::<T>()) as u64,
+        })?;
         let made = self.run(gpu, volume, job, |_, values| {
             out.extend(values.iter().map(|&v| T::from_f64(f64::from(v))));
             Ok::<(), std::convert::Infallible>(())
         });
         match made {
-            Ok(()) => Ok(T::wrap(out)),
+            Ok(tally) => Ok((T::wrap(out), tally)),
             Err(ResampleError::Gpu(e)) => Err(e),
             Err(ResampleError::Receiver(never)) => match never {},
         }

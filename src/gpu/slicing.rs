@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::cull::Culled;
 use super::layout::grown;
 use super::shader::{Mode, Variant};
+use super::timing::Counter;
 use super::{Gpu, GpuError};
 use crate::render::{SliceGeometry, SliceVertex};
 
@@ -168,6 +169,7 @@ impl SlicingPass {
         variant: Option<(Variant, [&wgpu::BindGroup; 3])>,
         geometry: &GeometryBuffers,
         timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
+        counter: Option<&Counter>,
     ) {
         let iso = variant.is_some_and(|(v, _)| v.mode == Mode::Iso);
         let depth = iso.then_some(wgpu::RenderPassDepthStencilAttachment {
@@ -190,6 +192,21 @@ impl SlicingPass {
             timestamp_writes: timestamps,
             ..Default::default()
         });
+        if let Some(counter) = counter {
+            counter.begin(&mut pass);
+        }
+        self.draw(&mut pass, variant, geometry);
+        if counter.is_some() {
+            pass.end_pipeline_statistics_query();
+        }
+    }
+
+    fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        variant: Option<(Variant, [&wgpu::BindGroup; 3])>,
+        geometry: &GeometryBuffers,
+    ) {
         let Some((variant, groups)) = variant else { return };
         let Some(pipeline) = self.pipelines.get(&variant) else { return };
         if let (Some(far), Some(near)) = (geometry.slices.first(), geometry.slices.last()) {
@@ -198,7 +215,7 @@ impl SlicingPass {
             groups.into_iter().take(count).zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
             pass.set_vertex_buffer(0, geometry.vertices.slice(..));
             pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
-            if iso {
+            if variant.mode == Mode::Iso {
                 // nearest first: what lies behind fails the depth test before it is shaded
                 geometry.slices.iter().rev().for_each(|slice| pass.draw_indexed(slice.clone(), 0, 0..1));
             } else {

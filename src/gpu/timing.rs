@@ -1,4 +1,4 @@
-//! How long the passes of a frame took on the device.
+//! How long the passes of a frame took on the device, and how much they did.
 
 use super::{Gpu, GpuError};
 
@@ -74,5 +74,58 @@ impl Timer {
             let stamp = |i: usize| bytemuck::pod_read_unaligned::<u64>(&bytes[8 * i..8 * i + 8]);
             [0, 2].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period)
         })
+    }
+}
+
+/// Counts the fragments of a pass.
+#[derive(Debug)]
+pub struct Counter {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    readback: wgpu::Buffer,
+}
+
+impl Counter {
+    /// `None` where the adapter has no pipeline statistics.
+    pub fn new(gpu: &Gpu) -> Option<Self> {
+        if !gpu.capabilities().statistics {
+            return None;
+        }
+        let buffer = |usage| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("fragments"),
+                size: 8,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        Some(Self {
+            queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("fragments"),
+                ty: wgpu::QueryType::PipelineStatistics(wgpu::PipelineStatisticsTypes::FRAGMENT_SHADER_INVOCATIONS),
+                count: 1,
+            }),
+            resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
+            readback: buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ),
+        })
+    }
+
+    /// Counts from here on, in this pass.
+    pub fn begin(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.begin_pipeline_statistics_query(&self.queries, 0);
+    }
+
+    /// Records the copy of the count to the host.
+    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.resolve_query_set(&self.queries, 0..1, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readback, 0, 8);
+    }
+
+    /// Fragments that were shaded, after everything was submitted.
+    ///
+    /// # Errors
+    /// What the device reported.
+    pub fn read(&self, gpu: &Gpu) -> Result<u64, GpuError> {
+        gpu.read(&self.readback, bytemuck::pod_read_unaligned::<u64>)
     }
 }

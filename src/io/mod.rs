@@ -45,4 +45,4 @@ pub use kind::{FileKind, kind_of};
 pub use surface::{is_surface_path, read_surface, read_surface_as_stored, write_surface};
 pub use tets::{GmshVersion, TetWriteOptions, is_tets_path, keeps_vectors, read_cells, read_tets, write_tets};
 pub use text::read_text;
-pub use volume::{Encoding, WriteOptions, is_volume_path, read_grid, read_volume, write_volume};
+pub use volume::{Encoding, WriteOptions, check_volume_output, is_volume_path, read_grid, read_volume, write_volume};

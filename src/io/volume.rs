@@ -128,6 +128,44 @@ pub fn read_grid(path: &Path) -> Result<Grid, IoError> {
     }
 }
 
+/// Whether a volume can be written there, as far as the name tells: before work starts.
+///
+/// # Errors
+/// If the name asks for no format that is written, it is a folder, or its folder does not exist.
+pub fn check_volume_output(path: &Path) -> Result<(), IoError> {
+    if !is_written(path) {
+        return Err(unwritten(path));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    let problem = |kind| Err(IoError::system(path, "write", std::io::Error::from(kind)));
+    match folder {
+        _ if path.is_dir() => problem(std::io::ErrorKind::IsADirectory),
+        Some(folder) if !folder.is_dir() => problem(std::io::ErrorKind::NotFound),
+        _ => Ok(()),
+    }
+}
+
+/// Halves of pairs (Analyze, NIfTI) are only read.
+fn is_written(path: &Path) -> bool {
+    match by_name(path) {
+        Some(Format::Nifti) => ends_with(path, ".nii") || ends_with(path, ".nii.gz"),
+        Some(Format::Nrrd | Format::MetaImage | Format::Raw) => true,
+        None => false,
+    }
+}
+
+fn unwritten(path: &Path) -> IoError {
+    let name = file_name(path);
+    let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending);
+    IoError::unsupported(
+        path,
+        format!(
+            "cannot be written as a volume; expected a name that ends in .nrrd, .nhdr, .nii, .nii.gz, .mha, .mhd, .raw or .json, not {}",
+            bytes::quote(ending)
+        ),
+    )
+}
+
 /// Writes a volume in the format that the file's name asks for.
 ///
 /// # Errors
@@ -136,17 +174,9 @@ pub fn read_grid(path: &Path) -> Result<Grid, IoError> {
 pub fn write_volume(path: &Path, volume: &Volume, options: &WriteOptions) -> Result<(), IoError> {
     match by_name(path) {
         Some(Format::Nrrd) => nrrd::write(path, volume, options),
-        Some(Format::Nifti) if ends_with(path, ".nii") || ends_with(path, ".nii.gz") => {
-            nifti::write(path, volume, options)
-        }
+        Some(Format::Nifti) if is_written(path) => nifti::write(path, volume, options),
         Some(Format::MetaImage) => metaimage::write(path, volume, options),
         Some(Format::Raw) => raw::write(path, volume, options),
-        Some(Format::Nifti) | None => Err(IoError::unsupported(
-            path,
-            format!(
-                "cannot be written as a volume; its name must end in .nrrd, .nhdr, .nii, .nii.gz, .mha, .mhd, .raw or .json, not {}",
-                bytes::quote(file_name(path).rsplit_once('.').map_or("", |(_, ending)| ending))
-            ),
-        )),
+        Some(Format::Nifti) | None => Err(unwritten(path)),
     }
 }

@@ -1,4 +1,7 @@
-//! Uniform quadratic B-splines: the bump they make, their basis in a knot interval, and a lookup table.
+//! Uniform quadratic B-splines: the bump they make, and their basis in a knot interval.
+//!
+//! The paper looks the bump up in precomputed arrays. On today's processors the formula, a few vector instructions, is some ten
+//! times as fast, so there are none here.
 //!
 //! The quadratic B-spline is the smoothest piecewise quadratic with three pieces; it and its slope are zero at both ends.
 //! [`bump`] is that spline stretched to the support `[-1,1]` and scaled to the peak 1:
@@ -79,45 +82,6 @@ pub fn basis_slope<T: Real>(x: T) -> [T; 3] {
     [x - one, one - x - x, x]
 }
 
-/// [`bump`] sampled at `intervals + 1` places of `[0,1]` and interpolated linearly, as the paper's precomputed arrays.
-///
-/// On today's processors [`bump`], which is a few vector instructions, is some ten times as fast (`cargo bench --bench
-/// subdivide`), so the evaluators here compute; a table is for where lookups are free, as in a texture.
-///
-/// The error is at most [`Table::error`]: `CURVATURE / (8 intervals^2)`.
-#[derive(Debug, Clone)]
-pub struct Table {
-    samples: Vec<f32>,
-    intervals: f32,
-}
-
-impl Table {
-    /// At least one interval.
-    pub fn new(intervals: usize) -> Self {
-        let n = intervals.max(1);
-        // one more sample after the end, so that t = 1 has a right neighbour
-        let samples = (0..=n + 1).map(|i| bump(i as f64 / n as f64) as f32).collect();
-        Self { samples, intervals: n as f32 }
-    }
-
-    /// Bound of the interpolation error, beside the rounding of `f32`.
-    pub fn error(&self) -> f64 {
-        CURVATURE / (8.0 * f64::from(self.intervals).powi(2))
-    }
-
-    /// The bump at `t`; 0 outside `[-1,1]` and at NaN.
-    #[inline(always)]
-    pub fn bump(&self, t: f32) -> f32 {
-        let x = t.abs().smaller(1.0) * self.intervals;
-        let i = x as usize;
-        let f = x - i as f32;
-        match self.samples.get(i..i + 2) {
-            Some(&[a, b]) => a + (b - a) * f,
-            _ => 0.0,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -196,21 +160,5 @@ mod tests {
             assert_eq!(basis_slope(1.0)[k + 1], basis_slope(0.0)[k]);
         }
         assert_eq!((basis(1.0)[0], basis_slope(1.0)[0]), (0.0, 0.0));
-    }
-
-    #[test]
-    fn a_table_keeps_its_bound_and_the_bound_is_not_idle() {
-        for n in [7, 64, 256, 1024] {
-            let table = Table::new(n);
-            let worst = (-12_000..=12_000)
-                .map(|i| f64::from(i) / 10_000.0)
-                .map(|t| (f64::from(table.bump(t as f32)) - textbook(t)).abs())
-                .fold(0.0, f64::max);
-            assert!(worst <= table.error() + 2e-7, "{n}: {worst} > {}", table.error());
-            assert!(n > 256 || worst > 0.3 * table.error(), "{n}: {worst} against {}", table.error());
-        }
-        let table = Table::new(16);
-        assert_eq!((table.bump(1.0), table.bump(-3.0), table.bump(0.0)), (0.0, 0.0, 1.0));
-        assert_eq!(table.bump(f32::NAN), 0.0);
     }
 }

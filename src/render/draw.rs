@@ -25,10 +25,11 @@ pub fn render(
     exact: Option<Exact<'_>>,
 ) -> Picture {
     render_until(geometry, field, table, frame, exact, &|| false)
-        .unwrap_or_else(|| Picture::filled(frame.size[0], frame.size[1], [0; 4]))
+        .map_or_else(|| Picture::filled(frame.size[0], frame.size[1], [0; 4]), |(picture, _)| picture)
 }
 
-/// As [`render`], given up soon after `stop` says so: then there is no picture.
+/// As [`render`], and how many fragments were shaded (those behind opaque ones and where nothing can be seen are not). Given
+/// up soon after `stop` says so: then there is no picture.
 pub fn render_until(
     geometry: &SliceGeometry,
     field: &Field,
@@ -36,7 +37,7 @@ pub fn render_until(
     frame: &Frame,
     exact: Option<Exact<'_>>,
     stop: Stop<'_>,
-) -> Option<Picture> {
+) -> Option<(Picture, u64)> {
     match (field.texels.slice(), field.channels) {
         (TexelSlice::U8(t), 4) => draw::<u8, 4>(t, geometry, field, table, frame, exact, stop),
         (TexelSlice::U8(t), _) => draw::<u8, 1>(t, geometry, field, table, frame, exact, stop),
@@ -55,7 +56,7 @@ fn draw<T: Texel, const C: usize>(
     frame: &Frame,
     exact: Option<Exact<'_>>,
     stop: Stop<'_>,
-) -> Option<Picture> {
+) -> Option<(Picture, u64)> {
     let [width, height, mode, _] = frame.size;
     let mut picture = Picture::filled(width, height, [0; 4]);
     let corners = project(geometry, frame);
@@ -78,12 +79,12 @@ fn draw<T: Texel, const C: usize>(
     let across = (width as usize).div_ceil(WIDTH);
     let down = (height as usize).div_ceil(HEIGHT);
     type Rows = Vec<(usize, Vec<[u8; 4]>)>;
-    let tiles: Vec<Rows> = (0..across * down)
+    let tiles: Vec<(Rows, u64)> = (0..across * down)
         .into_par_iter()
         .with_max_len(1)
         .map_init(Tile::new, |tile, i| {
             if stop() {
-                return Rows::new();
+                return (Rows::new(), 0);
             }
             tile.start(&scene, i % across, i / across);
             for t in bins.front_to_back(i) {
@@ -93,16 +94,21 @@ fn draw<T: Texel, const C: usize>(
                 tile.draw(&scene, t);
             }
             tile.shade(&scene);
-            tile.rows().map(|(y, x, sums)| (y * width as usize + x, finish(sums, y, frame))).collect()
+            let rows = tile.rows().map(|(y, x, sums)| (y * width as usize + x, finish(sums, y, frame))).collect();
+            (rows, tile.fragments)
         })
         .collect();
     if stop() {
         return None;
     }
-    for (at, row) in tiles.into_iter().flatten() {
-        picture.pixels[at..at + row.len()].copy_from_slice(&row);
+    let mut fragments = 0;
+    for (rows, shaded) in tiles {
+        fragments += shaded;
+        for (at, row) in rows {
+            picture.pixels[at..at + row.len()].copy_from_slice(&row);
+        }
     }
-    Some(picture)
+    Some((picture, fragments))
 }
 
 /// Puts sums of row `y` over the background and encodes them.

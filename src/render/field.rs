@@ -53,6 +53,18 @@ impl Texels {
 }
 
 impl Field {
+    /// Whether it is the very same field: texels in the same place in memory, and the same grid and scale. What is equal
+    /// but in another place counts as different.
+    pub fn same_as(&self, other: &Self) -> bool {
+        let texels = match (&self.texels, &other.texels) {
+            (Texels::Shared(a), Texels::Shared(b)) => Arc::ptr_eq(a, b),
+            (Texels::F32(a), Texels::F32(b)) => Arc::ptr_eq(a, b),
+            (Texels::Shared(_) | Texels::F32(_), _) => false,
+        };
+        let numbers = |f: &Self| (f.grid, f.channels, f.scale, f.offset, f.range);
+        texels && numbers(self) == numbers(other)
+    }
+
     /// Prepares a volume for rendering.
     ///
     /// - u8 and u16 with 1 or 4 channels are shared.

@@ -60,7 +60,7 @@ pub use exact::{Exact, Fragment};
 pub use field::{Field, TexelSlice, Texels};
 pub use frame::Frame;
 pub use look::{Gradient, Look, Shading};
-pub use picture::{Picture, PictureError, max_difference, psnr};
+pub use picture::{Picture, PictureError};
 pub use table::{ClassTable, SIZE as TABLE_SIZE};
 
 use std::ops::Range;

@@ -66,27 +66,6 @@ impl Picture {
     }
 }
 
-/// Peak signal-to-noise ratio of two pictures of one size in decibels, over all four channels; infinite if they are equal.
-///
-/// # Panics
-/// If the sizes differ.
-pub fn psnr(a: &Picture, b: &Picture) -> f64 {
-    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of different sizes");
-    let (a, b) = (a.pixels.as_flattened(), b.pixels.as_flattened());
-    let squares: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
-    10.0 * (255.0 * 255.0 * a.len() as f64 / squares).log10()
-}
-
-/// The largest difference of two pictures of one size in any channel.
-///
-/// # Panics
-/// If the sizes differ.
-pub fn max_difference(a: &Picture, b: &Picture) -> u8 {
-    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of different sizes");
-    let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
-    pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
-}
-
 const CODES: usize = 1 << 16;
 
 /// The 8-bit sRGB code of a linear value, clamped to 0..=1. By table: within 0.03 steps of the curve before rounding.
@@ -129,16 +108,5 @@ mod tests {
         }
         assert!(Picture::filled(0, 5, [0; 4]).png().is_err());
         assert!(Picture { width: 2, height: 2, pixels: vec![[0; 4]; 3] }.png().is_err());
-    }
-
-    #[test]
-    fn differences_are_measured() {
-        let a = Picture::filled(4, 4, [100; 4]);
-        let mut b = a.clone();
-        assert_eq!((psnr(&a, &b), max_difference(&a, &b)), (f64::INFINITY, 0));
-        b.pixels[3][1] = 116;
-        // one of 64 values is off by 16: mean square 4
-        assert!((psnr(&a, &b) - 10.0 * (255.0f64 * 255.0 / 4.0).log10()).abs() < 1e-9);
-        assert_eq!(max_difference(&a, &b), 16);
     }
 }

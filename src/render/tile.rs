@@ -72,6 +72,8 @@ pub struct Tile {
     /// Bits of pixels with a fragment, and of pixels that are not yet opaque, by row.
     pending: [u32; HEIGHT],
     pub alive: [u32; HEIGHT],
+    /// Fragments that were shaded since the tile was started.
+    pub fragments: u64,
     /// Premultiplied linear colour and opacity so far; the largest value and 1 for maximum intensity.
     pub sum: [Plane; 4],
     /// Where the last fragment looked for the value at the next slice, and that value.
@@ -95,6 +97,7 @@ impl Tile {
             varies: false,
             pending: [0; HEIGHT],
             alive: [0; HEIGHT],
+            fragments: 0,
             sum: [[0.0; AREA]; 4],
             seen_at: [[0.0; AREA]; 3],
             seen: [0.0; AREA],
@@ -111,6 +114,7 @@ impl Tile {
         let left = |axis: usize, side: usize| (i64::from(frame.size[axis]) - self.origin[axis]).min(side as i64);
         self.size = [left(0, WIDTH), left(1, HEIGHT)];
         self.pending = [0; HEIGHT];
+        self.fragments = 0;
         self.alive = [0; HEIGHT];
         self.alive[..self.size[1] as usize].fill(bits(0..self.size[0] as usize));
         self.sum = [[0.0; AREA]; 4];
@@ -229,6 +233,7 @@ impl Tile {
                 continue;
             }
             let pending = std::mem::take(&mut self.pending[row]);
+            self.fragments += u64::from(pending.count_ones());
             if let Some(exact) = &scene.exact {
                 self.apply(scene, exact, row, pending);
             }

@@ -176,16 +176,46 @@ pub fn export(
     options: &ExportOptions,
     progress: Progress<'_>,
 ) -> Result<(Volume, ExportReport), ExportError> {
-    with_samples!(&volume.samples, v => typed(volume, v, map, options, progress))
+    with_samples!(&volume.samples, v => typed(volume, v, map, options, Filler::Here(progress)))
 }
 
-fn typed<T: Fetch>(
+/// The samples of an output grid that someone else filled.
+#[derive(Debug)]
+pub struct Filled {
+    /// Of the input's type, as many as voxels times channels.
+    pub samples: Samples,
+    /// As in [`ExportReport`].
+    pub moved: u64,
+    pub outside: u64,
+}
+
+/// The same with an output filled by `fill`, which gets its grid and the stored outside value, not rounded to the sample type.
+/// The grid, what is clipped and all statistics are found here.
+///
+/// # Errors
+/// As [`export`], and what `fill` returns.
+pub fn export_filled<E: From<ExportError>>(
+    volume: &Volume,
+    map: &dyn ExportMap,
+    options: &ExportOptions,
+    mut fill: impl FnMut(&Grid, f64) -> Result<Filled, E>,
+) -> Result<(Volume, ExportReport), E> {
+    with_samples!(&volume.samples, v => typed(volume, v, map, options, Filler::Other(&mut fill)))
+}
+
+/// Who fills the output.
+enum Filler<'a, E> {
+    Here(Progress<'a>),
+    Other(&'a mut dyn FnMut(&Grid, f64) -> Result<Filled, E>),
+}
+
+fn typed<T: Fetch, E: From<ExportError>>(
     volume: &Volume,
     samples: &[T],
     map: &dyn ExportMap,
     options: &ExportOptions,
-    progress: Progress<'_>,
-) -> Result<(Volume, ExportReport), ExportError> {
+    filler: Filler<'_, E>,
+) -> Result<(Volume, ExportReport), E> {
     let clock = Instant::now();
     let input = &volume.grid;
     let facts = stored_statistics(volume);
@@ -193,7 +223,7 @@ fn typed<T: Fetch>(
     let boxes = map.supports();
     let base = grid::ungrown(input, options.grid)?;
     if base.len() as u64 > options.limit {
-        return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit });
+        return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit }.into());
     }
     let framed = map.in_frame(&input.world_from_voxel);
     let mut job = Job {
@@ -215,16 +245,22 @@ fn typed<T: Fetch>(
         job = job.on(&output);
     }
 
-    let mut result = zeroed::<T>(output.len() * volume.channels)?;
-    let tally = job.fill(&output, &mut result, progress)?;
+    let Filled { samples, moved, outside } = match filler {
+        Filler::Here(progress) => {
+            let mut samples = zeroed::<T>(output.len() * volume.channels)?;
+            let tally = job.fill(&output, &mut samples, progress)?;
+            Filled { samples: T::wrap(samples), moved: tally.moved, outside: tally.outside }
+        }
+        Filler::Other(fill) => fill(&output, outside)?,
+    };
     let clipped = beyond::clipped(&job, &output, grid::reached(input, &output, &boxes));
-    let mut made = Volume::new(output, volume.channels, T::wrap(result));
+    let mut made = Volume::new(output, volume.channels, samples);
     made.rescale = volume.rescale;
     let (before, after) = (facts.rescaled(volume.rescale), statistics(&made));
     let report = ExportReport {
         voxels: output.len() as u64,
-        moved: tally.moved,
-        outside: tally.outside,
+        moved,
+        outside,
         clipped,
         before,
         after,
