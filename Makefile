@@ -1,6 +1,7 @@
-# make run    set everything up and open Voxclay (without a modeller yet: runs the demo and says where the pictures are)
+# make run    set everything up and open the modeller (without a display: run the demo and say where the pictures are)
 # make test   set everything up and pass the checks: format, lints, tests, docs
 # make bench  the benchmarks behind the README's tables
+# make session  a sculpting session with real mouse and key events on a virtual display, with screenshots
 
 CARGO ?= cargo
 OUT ?= out/demo
@@ -9,11 +10,20 @@ OUT ?= out/demo
 VULKAN_LOADER := $(firstword $(wildcard /usr/lib/*/libvulkan.so.1 /usr/lib64/libvulkan.so.1 /usr/lib/libvulkan.so.1))
 VULKAN_DRIVER := $(firstword $(wildcard /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json))
 
-.PHONY: run test bench setup rust system
+# what the window needs beside a driver; opened while the program runs
+WINDOW_LIBS := $(wildcard /usr/lib/*/libxkbcommon-x11.so.0 /usr/lib64/libxkbcommon-x11.so.0 /usr/lib/libxkbcommon-x11.so.0)
+WINDOW_PACKAGES := libxkbcommon-x11-0 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libwayland-client0
+
+.PHONY: run test bench session setup rust system window
 
 run: setup
 	$(CARGO) build --release --locked
-	./target/release/voxclay demo -o $(OUT)
+ifeq ($(shell uname -s),Linux)
+	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ]; then $(MAKE) --no-print-directory window && ./target/release/voxclay app; \
+	else echo "There is no display here, so the demo runs instead."; ./target/release/voxclay demo -o $(OUT); fi
+else
+	./target/release/voxclay app
+endif
 
 test: setup
 	$(CARGO) fmt --check
@@ -24,7 +34,22 @@ test: setup
 bench: setup
 	$(CARGO) bench --locked
 
+session: setup
+	$(CARGO) build --release --locked
+	tests/session.sh
+
 setup: rust system
+
+window:
+ifeq ($(WINDOW_LIBS),)
+	@if command -v apt-get >/dev/null; then \
+	  SUDO=$$([ "$$(id -u)" = 0 ] || echo sudo); \
+	  echo "Installing what the window needs ($(WINDOW_PACKAGES))"; \
+	  $$SUDO apt-get update -qq && DEBIAN_FRONTEND=noninteractive $$SUDO apt-get install -y -qq --no-install-recommends $(WINDOW_PACKAGES); \
+	else \
+	  echo "The window may need libxkbcommon-x11, libXcursor, libXi and libXrandr: install them if it does not open."; \
+	fi
+endif
 
 rust:
 	@command -v $(CARGO) >/dev/null || { echo "Voxclay is built with Rust 1.95 or newer: install it from https://rustup.rs, then run make again."; exit 1; }

@@ -154,9 +154,24 @@ fn panels_answer_to_their_names() {
     h.get_by_label("Lit").click();
     h.step();
     assert!(!m(&mut h).desk.as_ref().unwrap().history.document().look.lit);
-    // a point of the transfer function
-    let area = h.get_by_label("Transfer function");
-    let _ = area;
+    // a double click on the curve makes a point, which is a step
+    let at = h.get_by_label("Curve of the transfer function").rect().center();
+    let points = |h: &Bench| {
+        let object = &h.state().as_ref().unwrap().desk.as_ref().unwrap();
+        object.history.document().transfer_function.as_ref().map_or(0, |t| t.points.len())
+    };
+    assert_eq!(points(&h), 0);
+    for _ in 0..2 {
+        for pressed in [true, false] {
+            let button = PointerButton::Primary;
+            h.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
+            h.step();
+        }
+    }
+    h.step();
+    assert!(points(&h) > 1);
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    assert_eq!(points(&h), 0);
     // the object
     h.get_by_label("Object").click();
     h.step();

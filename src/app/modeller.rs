@@ -66,7 +66,7 @@ impl Desk {
             }
             (None, VolumeSource::Phantom { name, .. }) => format!("{name} (built in)"),
         };
-        format!("{}{name}", if self.history.is_dirty() { "● " } else { "" })
+        format!("{}{name}", if self.history.is_dirty() { "* " } else { "" })
     }
 
     /// The unit of world coordinates.
@@ -787,7 +787,9 @@ impl Modeller {
                     egui::Frame::popup(ui.style()).stroke((1.0, line)).show(ui, |ui| {
                         ui.set_max_width(420.0);
                         ui.horizontal(|ui| {
-                            let close = ui.small_button("✕").on_hover_text("Close");
+                            let close = ui
+                                .small_button(egui_material_icons::icons::ICON_CLOSE.rich_text().size(12.0))
+                                .on_hover_text("Close");
                             if close.clicked() {
                                 closed = Some(i);
                             }

@@ -128,7 +128,7 @@ fn picture(m: &Modeller, ui: &egui::Ui, rect: Rect) {
             label(
                 rect.left_top() + Vec2::new(12.0, 10.0),
                 egui::Align2::LEFT_TOP,
-                &format!("{} − {}", names.0, names.1),
+                &format!("{} against {}", names.0, names.1),
             );
             if let Some(o) = m.shown.as_ref().and_then(|s| s.other.as_ref()) {
                 overlay::difference_scale(&painter, rect, o.scale);

@@ -97,7 +97,7 @@ fn point(m: &mut Modeller, ui: &mut egui::Ui, function: &mut TransferFunction, [
 fn curve(m: &mut Modeller, ui: &mut egui::Ui, function: &mut TransferFunction, data: &Data, [lo, hi]: [f64; 2]) {
     let size = Vec2::new(ui.available_width(), 148.0);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Group, true, "Transfer function"));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Group, true, "Curve of the transfer function"));
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 4.0, ui.visuals().extreme_bg_color);
     let area = Rect::from_min_max(rect.min + Vec2::new(8.0, 8.0), rect.max - Vec2::new(8.0, 20.0));
