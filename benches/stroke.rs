@@ -20,7 +20,7 @@ use voxclay::scene::{Edit, ProxySource};
 fn main() {
     let home = std::env::temp_dir().join(format!("voxclay-bench-{}", std::process::id()));
     let start = Start { files: vec!["phantom:head:256".to_owned()], backend: Backend::Auto, home: Home::at(&home) };
-    let mut h = Harness::builder().with_size([1360.0, 860.0]).build_ui_state(
+    let mut h = Harness::builder().with_size([1360.0, 860.0]).with_step_dt(1.0 / 60.0).build_ui_state(
         move |ui: &mut egui::Ui, m: &mut Option<Modeller>| {
             m.get_or_insert_with(|| Modeller::new(ui.ctx(), start.clone())).ui(ui);
         },

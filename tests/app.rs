@@ -17,7 +17,7 @@ type Bench = Harness<'static, Option<Modeller>>;
 /// A modeller on `word`, with a home of its own, its object ready.
 fn modeller(word: &str, home: &Path) -> Bench {
     let start = Start { files: vec![word.to_owned()], backend: Backend::Cpu, home: Home::at(home) };
-    let mut h = Harness::builder().with_size([1200.0, 800.0]).with_max_steps(64).build_ui_state(
+    let mut h = Harness::builder().with_size([1200.0, 800.0]).with_step_dt(1.0 / 60.0).build_ui_state(
         move |ui: &mut egui::Ui, m: &mut Option<Modeller>| {
             m.get_or_insert_with(|| Modeller::new(ui.ctx(), start.clone())).ui(ui);
         },
@@ -155,7 +155,11 @@ fn panels_answer_to_their_names() {
     h.step();
     assert!(!m(&mut h).desk.as_ref().unwrap().history.document().look.lit);
     // a double click on the curve makes a point, which is a step
-    let at = h.get_by_label("Curve of the transfer function").rect().center();
+    let curve = h.get_by_label("Curve of the transfer function").rect();
+    let at = curve.left_top() + Vec2::new(0.37 * curve.width(), 20.0);
+    h.hover_at(at);
+    // or the clicks before would make it a triple click
+    h.run_steps(60);
     let points = |h: &Bench| {
         let object = &h.state().as_ref().unwrap().desk.as_ref().unwrap();
         object.history.document().transfer_function.as_ref().map_or(0, |t| t.points.len())

@@ -21,8 +21,8 @@ pub const MAP: &[(&str, &str, &str)] = &[
     ("View", "Middle, Alt Left", "orbit; with Shift pan"),
     ("View", "Wheel", "zoom to the pointer; with Ctrl the radius"),
     ("View", "Home", "frame all"),
-    ("View", "Num 1 3 7, Ctrl", "front, right, top; with Ctrl from behind"),
-    ("View", "Num 5", "perspective or parallel"),
+    ("View", "Ctrl 1 3 7", "front, right, top; with Shift back, left, bottom"),
+    ("View", "5", "perspective or parallel"),
     ("View", "1 2 3", "slicing, exact, tets"),
     ("View", "A", "compare with another mode or the original"),
     ("View", "W", "tessellation of a slice"),
@@ -102,7 +102,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     let command = ctx.input(|i| i.modifiers.command);
     let shift = ctx.input(|i| i.modifiers.shift);
     let pressed = |key: Key| ctx.input(|i| i.key_pressed(key));
-    standard_views(m, &pressed, command);
+    standard_views(m, &pressed, command, shift);
     if command {
         return;
     }
@@ -151,8 +151,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.measure.clear();
     }
     for (key, mode) in [(Key::Num1, Mode::Slicing), (Key::Num2, Mode::SlicingExact), (Key::Num3, Mode::Tets)] {
-        // the digits of the numeric pad are views; both come as one key, told apart by the text they make
-        if pressed(key) && !numpad(ctx) {
+        if pressed(key) {
             m.view.mode = mode;
         }
     }
@@ -180,24 +179,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     }
 }
 
-/// Whether this pass's digit came from the numeric pad, where the window system says so.
-fn numpad(ctx: &egui::Context) -> bool {
-    ctx.input(|i| {
-        i.events.iter().any(|e| {
-            matches!(
-                e,
-                egui::Event::Key {
-                    physical_key: None,
-                    pressed: true,
-                    key: Key::Num1 | Key::Num3 | Key::Num5 | Key::Num7,
-                    ..
-                }
-            )
-        })
-    })
-}
-
-fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool) {
+fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool, shift: bool) {
     let Some(scene) = view::scene(m) else { return };
     let mut to = None;
     if pressed(Key::Home) {
@@ -209,9 +191,9 @@ fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool
         (Key::Num7, Standard::Top, Standard::Bottom),
     ];
     for (key, plain, other) in views {
-        // without a modifier 1 and 3 are modes, so a keyboard without numeric pad uses Ctrl
-        if pressed(key) && (command || key == Key::Num7) {
-            to = Some(if command { other } else { plain }.of(&scene.spec));
+        // the digits alone are modes: the window system does not tell those of the numeric pad apart
+        if pressed(key) && command {
+            to = Some(if shift { other } else { plain }.of(&scene.spec));
         }
     }
     if pressed(Key::Num5) {

@@ -71,12 +71,12 @@ impl Standard {
 
     pub fn key(self) -> &'static str {
         match self {
-            Self::Front => "Num 1",
-            Self::Back => "Ctrl Num 1",
-            Self::Right => "Num 3",
-            Self::Left => "Ctrl Num 3",
-            Self::Top => "Num 7",
-            Self::Bottom => "Ctrl Num 7",
+            Self::Front => "Ctrl 1",
+            Self::Back => "Ctrl Shift 1",
+            Self::Right => "Ctrl 3",
+            Self::Left => "Ctrl Shift 3",
+            Self::Top => "Ctrl 7",
+            Self::Bottom => "Ctrl Shift 7",
         }
     }
 
