@@ -1,0 +1,1 @@
+//! The plain alternative: the trilinear iso-surface, by marching cubes.
