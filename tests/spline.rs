@@ -493,3 +493,131 @@ fn a_ray_that_only_touches_is_seen() {
     let ray = Ray { origin: DVec3::new(-3.0, 2.0, 2.0), direction: DVec3::X };
     assert_eq!(Level::new(&ball, 0.5).first_hit(&ray, [0.0, 9.0]), Some((2.5, Crossing::Start)));
 }
+
+// ---- meshes ----
+
+mod meshes {
+    use glam::{DAffine3, DMat3, DVec3};
+    use voxclay::mesh::check::MeshReport;
+    use voxclay::mesh::contour::Contour;
+    use voxclay::spline::{Spline, cells, refine, surface};
+    use voxclay::volume::{Grid, Samples, Space, Volume};
+
+    use super::{blobs, noise, sampled};
+
+    fn sound(contour: &Contour) -> MeshReport {
+        let report = MeshReport::of(&contour.mesh);
+        assert!(report.closed && report.manifold && report.oriented && !report.inside_out, "{report:?}");
+        assert_eq!((report.duplicate_triangles, report.unreferenced_vertices), (0, 0));
+        assert_eq!(contour.normals.len(), contour.mesh.positions.len());
+        assert!(contour.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5));
+        report
+    }
+
+    /// A skewed left-handed frame with unequal spacing.
+    fn skewed() -> DAffine3 {
+        let axes = DMat3::from_cols(DVec3::new(0.0, 1.5, 0.1), DVec3::new(0.8, 0.0, 0.0), DVec3::new(0.1, 0.0, 2.0));
+        assert!(axes.determinant() < 0.0);
+        DAffine3::from_mat3_translation(axes, DVec3::new(5.0, -7.0, 100.0))
+    }
+
+    #[test]
+    fn vertices_lie_on_the_surface_with_its_normals() {
+        let n = 32;
+        for (steps, frame) in [(0, DAffine3::IDENTITY), (3, skewed())] {
+            let spline = Spline::new([n; 3], &blobs(n), steps);
+            let voxel = frame.inverse();
+            for mesh in [surface::surface(&spline, 0.3, &frame), refine::surface(&spline, 0.3, &frame, 0.02).0] {
+                let report = sound(&mesh);
+                assert!(report.volume > 0.0 && report.is_clean_solid(), "{report:?}");
+                for (p, normal) in mesh.mesh.positions.iter().zip(&mesh.normals) {
+                    let (value, gradient) = spline.value_and_gradient(voxel.transform_point3(*p));
+                    let far = (value - 0.3).abs() / gradient.length();
+                    assert!(far < 1e-9 || (far < 1.1 * surface::CLEAR), "{far}");
+                    let down = -(frame.matrix3.inverse().transpose() * gradient).normalize();
+                    assert!(down.dot(normal.as_dvec3()) > 1.0 - 1e-6, "{down} {normal}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn noise_and_borders_make_manifolds() {
+        for (dims, seed) in [([9, 8, 7], 21), ([20, 5, 3], 22), ([1, 1, 1], 23), ([66, 2, 4], 24)] {
+            let data = noise(dims, seed);
+            let grid = Grid::aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
+            let volume = Volume::new(grid, 1, Samples::F32(data.clone()));
+            for iso in [-0.2, 0.0, 0.1] {
+                let level = if dims == [1; 3] { f64::from(data[0]) - 0.1 } else { 0.25 * iso };
+                sound(&cells::surface(&volume, 0, level));
+                for steps in [0, 3] {
+                    let spline = Spline::new(dims, &data, steps);
+                    sound(&surface::surface(&spline, level, &DAffine3::IDENTITY));
+                    if dims != [1; 3] {
+                        sound(&refine::surface(&spline, level, &DAffine3::IDENTITY, 0.05).0);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn samples_of_just_the_isovalue_are_no_trouble() {
+        let n = 12;
+        let whole: Vec<u8> = sampled([n; 3], |p| (8.0 - (p - 5.5).length()).round()).iter().map(|v| *v as u8).collect();
+        let grid = Grid::aligned([n; 3], DVec3::ONE, DVec3::ZERO).unwrap();
+        let volume = Volume::new(grid, 1, Samples::U8(whole));
+        for iso in [4.0, 5.0, 6.0] {
+            let plain = sound(&cells::surface(&volume, 0, iso));
+            assert_eq!((plain.components, plain.degenerate_triangles), (1, 0));
+            sound(&surface::surface(&Spline::of_volume(&volume, 0, 3), iso, &DAffine3::IDENTITY));
+        }
+    }
+
+    #[test]
+    fn refined_meshes_come_closer_to_a_ball() {
+        let n = 24;
+        let data = sampled([n; 3], |p| 7.0 - (p - 11.5).length());
+        let spline = Spline::new([n; 3], &data, 3);
+        let off = |mesh: &Contour| {
+            let middle = |t: &[u32; 3]| t.iter().map(|v| mesh.mesh.positions[*v as usize]).sum::<DVec3>() / 3.0;
+            let far = |t| (spline.value(middle(t))).abs();
+            mesh.mesh.triangles.iter().map(far).fold(0.0, f64::max)
+        };
+        let plain = surface::surface(&spline, 0.0, &DAffine3::IDENTITY);
+        let (fine, report) = refine::surface(&spline, 0.0, &DAffine3::IDENTITY, 0.002);
+        assert!(report.worst < 0.02 && 3.0 * off(&fine) < off(&plain), "{report:?} {} {}", off(&fine), off(&plain));
+        let volume = sound(&fine).volume;
+        assert!((volume / (4.0 / 3.0 * std::f64::consts::PI * 343.0) - 1.0).abs() < 2e-3, "{volume}");
+    }
+
+    #[test]
+    fn real_values_and_what_is_not_a_number() {
+        let dims = [8; 3];
+        let mut data = sampled(dims, |p| 3.0 - (p - 3.5).length());
+        data[9] = f32::NAN;
+        data[10] = f32::INFINITY;
+        let grid = Grid::new(dims, skewed(), Space::Unknown).unwrap();
+        let mut volume = Volume::new(grid, 1, Samples::F32(data));
+        let plain = surface::surface(&Spline::of_volume(&volume, 0, 0), 1.0, &skewed());
+        assert!(sound(&plain).components == 1);
+        volume.rescale.slope = 2.0;
+        volume.rescale.intercept = -7.0;
+        let scaled = surface::surface(&Spline::of_volume(&volume, 0, 0), -5.0, &skewed());
+        assert_eq!(plain.mesh.triangles, scaled.mesh.triangles);
+    }
+
+    #[test]
+    fn threads_do_not_change_the_mesh() {
+        let n = 24;
+        let data = blobs(n);
+        let run = |threads: usize| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                let spline = Spline::new([n; 3], &data, 3);
+                (surface::surface(&spline, 0.3, &skewed()), refine::surface(&spline, 0.3, &skewed(), 0.05).0)
+            })
+        };
+        let one = run(1);
+        assert!(one == run(2) && one == run(5));
+    }
+}

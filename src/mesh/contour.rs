@@ -176,8 +176,9 @@ pub fn contour(sides: &Sides, placer: &dyn Placer) -> Contour {
     let [_, ny, nz] = sides.dims;
     let total = numbers.layers[nz + 2];
     assert!(total < u32::MAX as usize, "{total} vertices are too many to index");
-    let mut positions = vec![DVec3::ZERO; total];
-    let mut normals = vec![Vec3::ZERO; total];
+    // zeros that cost nothing until they are written, by all threads
+    let mut positions: Vec<DVec3> = bytemuck::allocation::cast_vec(vec![[0.0f64; 3]; total]);
+    let mut normals: Vec<Vec3> = bytemuck::allocation::cast_vec(vec![[0.0f32; 3]; total]);
     let pieces = split(&mut positions, &numbers.layers).into_iter().zip(split(&mut normals, &numbers.layers));
     let pieces: Vec<_> = pieces.map(Mutex::new).collect();
     parallel::each(nz + 2, &|k| {

@@ -15,17 +15,19 @@ pub(crate) struct Padded {
 }
 
 impl Padded {
-    /// Fills rows by `row(j, k, out)` with one value for each sample along the first axis.
-    pub fn from_rows(dims: [usize; 3], row: &(dyn Fn(usize, usize, &mut [f32]) + Sync)) -> Self {
+    /// Fills rows by `row(j, k, out)` with one value for each sample along the first axis, and takes `steps` corrections.
+    pub fn from_rows(dims: [usize; 3], row: Rows, steps: u32) -> Self {
         let [nx, ny, nz] = dims;
         let (width, height) = (nx + 2, ny + 2);
-        let mut values = vec![0.0; width * height * (nz + 2)];
-        parallel::chunks_mut(&mut values, width * height, &|k, plane| {
-            let k = k.clamp(1, nz) - 1;
-            for j in 0..ny {
-                row(j, k, &mut plane[(j + 1) * width + 1..][..nx]);
+        let layer = width * height;
+        let mut values = vec![0.0; layer * (nz + 2)];
+        // long pieces, because each works off a few layers more on both sides
+        let piece = (nz + 2).div_ceil(4 * rayon::current_num_threads()).max(8 * steps as usize).max(4);
+        parallel::chunks_mut(&mut values, piece * layer, &|n, planes| {
+            let mut pipe = Pipe::new(dims, row, steps as usize);
+            for (k, plane) in planes.chunks_exact_mut(layer).enumerate() {
+                pipe.finish((n * piece + k).clamp(1, nz) - 1, plane);
             }
-            close(plane, nx, ny);
         });
         Self { dims, values }
     }
@@ -40,39 +42,91 @@ impl Padded {
     pub fn index(&self, [i, j, k]: [usize; 3]) -> usize {
         ((k + 1) * (self.dims[1] + 2) + j + 1) * (self.dims[0] + 2) + i + 1
     }
+}
 
-    /// The coefficients after `steps` corrections.
-    pub fn corrected(self, steps: u32) -> Self {
-        if steps == 0 {
-            return self;
+/// Writes a row of samples.
+pub(crate) type Rows<'a> = &'a (dyn Fn(usize, usize, &mut [f32]) + Sync);
+
+/// Corrects layer after layer, holding of each step only the last few, so that all of it stays in the cache.
+struct Pipe<'a> {
+    dims: [usize; 3],
+    row: Rows<'a>,
+    /// Of the data and of each step but the last, the layers that are held: layer k at `k % HELD`.
+    held: Vec<Vec<f32>>,
+    /// The next layer of each.
+    next: Vec<Option<usize>>,
+    sums: Sums,
+}
+
+impl<'a> Pipe<'a> {
+    fn new(dims: [usize; 3], row: Rows<'a>, steps: usize) -> Self {
+        let layer = (dims[0] + 2) * (dims[1] + 2);
+        // of the data, the last step still needs the layer that all steps have passed
+        let kept = steps + 3;
+        Self {
+            dims,
+            row,
+            held: (0..steps).map(|_| vec![0.0; kept * layer]).collect(),
+            next: vec![None; steps],
+            sums: Sums::new(dims[0] + 2),
         }
-        let data = self;
-        let mut now = data.values.clone();
-        let mut next = vec![0.0; now.len()];
-        for _ in 0..steps {
-            data.step(&now, &mut next);
-            std::mem::swap(&mut now, &mut next);
-        }
-        Self { dims: data.dims, values: now }
     }
 
-    /// `next = now + (data - A now)`.
-    fn step(&self, now: &[f32], next: &mut [f32]) {
-        let [nx, ny, nz] = self.dims;
-        let [_, width, layer] = self.strides();
-        parallel::chunks_mut(next, layer, &|k, plane| {
-            let k = k.clamp(1, nz);
-            let mut sums = Sums::new(width);
-            for j in 1..=ny {
-                let at = k * layer + j * width;
-                let smooth = sums.row(now, at, width, layer);
-                let (now, data) = (&now[at + 1..][..nx], &self.values[at + 1..][..nx]);
-                for (((out, s), c), f) in plane[j * width + 1..][..nx].iter_mut().zip(smooth).zip(now).zip(data) {
-                    *out = c + (f - s);
-                }
+    /// Layer `k` after all steps. Layers must be asked for in order.
+    fn finish(&mut self, k: usize, out: &mut [f32]) {
+        match self.held.len() {
+            0 => self.read(k, out),
+            steps => self.make(steps, k, out),
+        }
+    }
+
+    /// Layer `k` of the data.
+    fn read(&self, k: usize, out: &mut [f32]) {
+        let [nx, ny, _] = self.dims;
+        for j in 0..ny {
+            (self.row)(j, k, &mut out[(j + 1) * (nx + 2) + 1..][..nx]);
+        }
+        close(out, nx, ny);
+    }
+
+    /// Sees to it that layers up to `k` of a step (0: the data) are held.
+    fn hold(&mut self, step: usize, k: usize) {
+        let layer = (self.dims[0] + 2) * (self.dims[1] + 2);
+        let kept = self.held.len() + 3;
+        let first = self.next[step].unwrap_or(k.saturating_sub(2));
+        for k in first..=k {
+            // taken out while it is filled
+            let mut own = std::mem::take(&mut self.held[step]);
+            let plane = &mut own[k % kept * layer..][..layer];
+            if step == 0 {
+                self.read(k, plane)
+            } else {
+                self.make(step, k, plane)
             }
-            close(plane, nx, ny);
-        });
+            self.held[step] = own;
+        }
+        self.next[step] = Some(first.max(k + 1));
+    }
+
+    /// Layer `k` of a step above 0.
+    fn make(&mut self, step: usize, k: usize, out: &mut [f32]) {
+        let [nx, ny, nz] = self.dims;
+        let width = nx + 2;
+        let layer = width * (ny + 2);
+        let (below, above) = (k.saturating_sub(1), (k + 1).min(nz - 1));
+        self.hold(step - 1, above);
+        let kept = self.held.len() + 3;
+        let at = |k: usize| k % kept * layer;
+        let (from, data) = (&self.held[step - 1], &self.held[0]);
+        let planes = [below, k, above].map(|k| &from[at(k)..][..layer]);
+        for j in 1..=ny {
+            let smooth = self.sums.row(planes, j * width, width);
+            let (now, data) = (&planes[1][j * width + 1..][..nx], &data[at(k) + j * width + 1..][..nx]);
+            for (((out, s), c), f) in out[j * width + 1..][..nx].iter_mut().zip(smooth).zip(now).zip(data) {
+                *out = c + (f - s);
+            }
+        }
+        close(out, nx, ny);
     }
 }
 
@@ -99,14 +153,17 @@ impl Sums {
         Self { ends: vec![0.0; width], middle: vec![0.0; width], smooth: vec![0.0; width - 2] }
     }
 
-    /// `A c` along the row that starts (with its extra sample) at `at`.
+    /// `A c` along the row that starts (with its extra sample) at `at`, from the layers below, own and above.
     #[inline(always)]
-    pub fn row(&mut self, c: &[f32], at: usize, width: usize, layer: usize) -> &[f32] {
-        let row = |from: usize| &c[from..from + width];
-        let (own, below, above) = (row(at), row(at - layer), row(at + layer));
-        let (left, right) = (row(at - width), row(at + width));
-        let corners =
-            [row(at - layer - width), row(at - layer + width), row(at + layer - width), row(at + layer + width)];
+    pub fn row(&mut self, [below, own, above]: [&[f32]; 3], at: usize, width: usize) -> &[f32] {
+        let corners = [
+            &below[at - width..][..width],
+            &below[at + width..][..width],
+            &above[at - width..][..width],
+            &above[at + width..][..width],
+        ];
+        let (left, right) = (&own[at - width..][..width], &own[at + width..][..width]);
+        let (below, own, above) = (&below[at..][..width], &own[at..][..width], &above[at..][..width]);
         let (ends, middle) = (&mut self.ends[..width], &mut self.middle[..width]);
         for i in 0..width {
             let lateral = (left[i] + right[i]) + (below[i] + above[i]);

@@ -57,21 +57,21 @@ pub fn roots(b: &[f64; 4], above: bool, graze: f64) -> Roots {
     for i in 0..=count {
         let to = if i < count { turns[i] } else { 1.0 };
         let end = value(b, to);
-        if roots.above != (end >= 0.0) {
+        if i < count && end.abs() <= graze && stays(b, turns[..count].get(i + 1), roots.above) {
+            roots.push(to, true);
+        } else if roots.above != (end >= 0.0) {
             roots.push(crossing(b, from, to, end), false);
             roots.above = end >= 0.0;
-        } else if i < count && end.abs() <= graze && !passes(b, to, &turns[i + 1..count], roots.above) {
-            roots.push(to, true);
         }
         from = to;
     }
     roots
 }
 
-/// Whether the cubic crosses zero just after a turning point, so that this is no graze.
-fn passes(b: &[f64; 4], at: f64, later: &[f64], above: bool) -> bool {
-    let next = later.first().copied().unwrap_or(1.0);
-    next - at < 1e-9 && (value(b, next) >= 0.0) != above
+/// Whether the cubic is on the same side of zero at its next turning point, or at the end.
+#[inline(always)]
+fn stays(b: &[f64; 4], next: Option<&f64>, above: bool) -> bool {
+    (value(b, next.map_or(1.0, |t| *t)) >= 0.0) == above
 }
 
 /// Where the derivative changes its sign within the interval, in order.
@@ -122,7 +122,8 @@ pub fn crossing(b: &[f64; 4], from: f64, to: f64, end: f64) -> f64 {
         }
         let next = t - v / slope(b, t);
         let next = if next > lo && next < hi { next } else { 0.5 * (lo + hi) };
-        if (next - t).abs() <= 1e-15 || next == lo || next == hi {
+        // the error of the next is about the square of the step
+        if (next - t).abs() <= 1e-9 || next == lo || next == hi {
             return next;
         }
         t = next;

@@ -33,9 +33,10 @@ pub mod surface;
 
 use glam::{DMat3, DVec3};
 
+use crate::math::parallel;
 use crate::volume::{Samples, Scalar, Volume};
 use crate::with_samples;
-use correct::Padded;
+use correct::{Padded, Rows};
 
 pub use level::Level;
 pub use piece::{DOMAIN, Kind, Piece, VERTICES, barycentric};
@@ -67,8 +68,8 @@ impl Spline {
     pub fn new(dims: [usize; 3], samples: &[f32], steps: u32) -> Self {
         let [nx, ny, nz] = dims;
         assert!(nx * ny * nz > 0 && samples.len() == nx * ny * nz, "samples do not fill the grid");
-        let rows = Padded::from_rows(dims, &|j, k, row| row.copy_from_slice(&samples[(k * ny + j) * nx..][..nx]));
-        Self { coefficients: rows.corrected(steps) }
+        let row: Rows = &|j, k, row| row.copy_from_slice(&samples[(k * ny + j) * nx..][..nx]);
+        Self { coefficients: Padded::from_rows(dims, row, steps) }
     }
 
     /// The spline of one channel of a volume, in its real values. What is not finite counts as the smallest finite value.
@@ -77,7 +78,7 @@ impl Spline {
     /// If there is no such channel.
     pub fn of_volume(volume: &Volume, channel: usize, steps: u32) -> Self {
         assert!(channel < volume.channels);
-        Self { coefficients: real_rows(volume, channel).corrected(steps) }
+        Self { coefficients: real_values(volume, channel, steps) }
     }
 
     /// Samples along the axes.
@@ -144,24 +145,50 @@ impl Spline {
     }
 }
 
-/// The real values of a channel; what is not finite is replaced by the smallest finite value.
-fn real_rows(volume: &Volume, channel: usize) -> Padded {
-    let [nx, ny, _] = volume.grid.dims;
-    let (slope, intercept) = (volume.rescale.slope, volume.rescale.intercept);
-    let plain = slope == 1.0 && intercept == 0.0;
-    let low = match &volume.samples {
-        Samples::F32(_) | Samples::F64(_) => {
-            let values = (channel..volume.samples.len()).step_by(volume.channels);
-            let real = values.map(|i| volume.rescale.real(volume.samples.get(i)) as f32);
-            Some(real.filter(|v| v.is_finite()).fold(f32::INFINITY, f32::min)).filter(|v| v.is_finite()).unwrap_or(0.0)
-        }
-        _ => 0.0,
+/// The real values of a channel after `steps` corrections; what is not finite is replaced by the smallest finite value.
+fn real_values(volume: &Volume, channel: usize, steps: u32) -> Padded {
+    let low = if !all_finite(&volume.samples) {
+        let values = (channel..volume.samples.len()).step_by(volume.channels);
+        let real = values.map(|i| volume.rescale.real(volume.samples.get(i)) as f32);
+        Some(real.filter(|v| v.is_finite()).fold(f32::INFINITY, f32::min)).filter(|v| v.is_finite())
+    } else {
+        None
     };
-    with_samples!(&volume.samples, v => Padded::from_rows(volume.grid.dims, &|j, k, row| {
-        let from = (k * ny + j) * nx * volume.channels + channel;
-        for (out, v) in row.iter_mut().zip(v[from..].iter().step_by(volume.channels)) {
-            let real = if plain { v.to_f32() } else { (slope * v.to_f64() + intercept) as f32 };
-            *out = if real.is_finite() { real } else { low };
-        }
-    }))
+    let low = low.unwrap_or(0.0);
+    with_samples!(&volume.samples, v => typed_values(v, volume, channel, low, steps))
+}
+
+fn all_finite(samples: &Samples) -> bool {
+    fn all<T: Scalar>(values: &[T]) -> bool {
+        let pieces: Vec<_> = values.chunks(1 << 16).collect();
+        parallel::map(pieces.len(), &|i| pieces[i].iter().fold(true, |all, v| all & v.to_f64().is_finite()))
+            .iter()
+            .all(|b| *b)
+    }
+    match samples {
+        Samples::F32(v) => all(v),
+        Samples::F64(v) => all(v),
+        _ => true,
+    }
+}
+
+fn typed_values<T: Scalar>(samples: &[T], volume: &Volume, channel: usize, low: f32, steps: u32) -> Padded {
+    let [nx, ny, _] = volume.grid.dims;
+    let (slope, intercept, channels) = (volume.rescale.slope, volume.rescale.intercept, volume.channels);
+    let plain = slope == 1.0 && intercept == 0.0;
+    let finite = |v: f32| if v.is_finite() { v } else { low };
+    Padded::from_rows(
+        volume.grid.dims,
+        &|j, k, row| {
+            let from = &samples[(k * ny + j) * nx * channels..][..nx * channels];
+            if channels == 1 && plain {
+                row.iter_mut().zip(from).for_each(|(out, v)| *out = finite(v.to_f32()));
+            } else {
+                let values = from[channel..].iter().step_by(channels);
+                let real = values.map(|v| (slope * v.to_f64() + intercept) as f32);
+                row.iter_mut().zip(real).for_each(|(out, v)| *out = finite(v));
+            }
+        },
+        steps,
+    )
 }
