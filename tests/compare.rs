@@ -37,6 +37,7 @@ fn view() -> ViewOptions {
         refinement: Refinement::Tolerance(0.25),
         backend: Backend::Cpu,
         transparent: false,
+        corrections: 4,
     }
 }
 

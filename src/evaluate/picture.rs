@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::EvaluateError;
 use super::geometry::{self, GeometryOptions};
 use super::load::Object;
-use super::tets;
+use super::{surface, tets};
 use crate::gpu::{self, Gpu, Preference};
 use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
@@ -35,6 +35,8 @@ pub enum Mode {
     /// The volume warped through a lattice of tetrahedra first, then drawn as one that is not deformed. The refinement is
     /// the lattice's.
     Tets,
+    /// The smooth iso-surface of a C1 spline, by ray casting on the CPU.
+    Spline,
 }
 
 /// How a picture is taken.
@@ -49,6 +51,8 @@ pub struct ViewOptions {
     pub backend: Backend,
     /// Leave the background transparent.
     pub transparent: bool,
+    /// Correction steps of [`Mode::Spline`] (see [`crate::spline`]).
+    pub corrections: u32,
 }
 
 /// What was done, and how long it took.
@@ -121,6 +125,9 @@ impl Renderer {
         options: &ViewOptions,
     ) -> Result<(Picture, PictureReport), EvaluateError> {
         let started = Instant::now();
+        if options.mode == Mode::Spline {
+            return surface::picture(object, camera, look, options);
+        }
         if options.mode == Mode::Tets {
             let warped = tets::warped(object, options.refinement)?;
             let drawn = ViewOptions { mode: Mode::Slicing, ..*options };

@@ -43,7 +43,7 @@ pub use piece::{DOMAIN, Kind, Piece, VERTICES, barycentric};
 pub use ray::{Crossing, Ray};
 
 /// Correction steps that are taken if nobody asks for another number.
-pub const STEPS: u32 = 3;
+pub const STEPS: u32 = 4;
 
 /// A C1 cubic spline over a volume.
 #[derive(Debug, Clone, PartialEq)]
