@@ -37,7 +37,7 @@ fn view() -> ViewOptions {
         refinement: Refinement::Tolerance(0.25),
         backend: Backend::Cpu,
         transparent: false,
-        corrections: 4,
+        corrections: None,
     }
 }
 

@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> Result<Answer> {
         refinement: Refinement::Tolerance(0.1),
         backend: args.backend.into(),
         transparent: false,
-        corrections: crate::spline::STEPS,
+        corrections: None,
     };
 
     let rest = load::load(&document, Path::new(""))?;

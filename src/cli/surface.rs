@@ -10,7 +10,6 @@ use super::view::parse_proxy;
 use crate::evaluate::surface::{Method, SurfaceOptions, surface};
 use crate::evaluate::{load, open};
 use crate::io;
-use crate::spline::STEPS;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum MethodArg {
@@ -41,9 +40,10 @@ pub struct Args {
     /// Cut edges whose middle is farther than this from the spline, in voxels; contour a lattice twice as fine to begin with.
     #[arg(long, value_name = "L", allow_negative_numbers = true)]
     refine: Option<f64>,
-    /// Correction steps of the spline: 0 is smoothest, more keep more detail; at most 16.
-    #[arg(long, value_name = "N", default_value_t = STEPS, value_parser = clap::value_parser!(u32).range(0..=16))]
-    corrections: u32,
+    /// Correction steps of the spline: 0 is smoothest, more keep more detail; at most 16 (default: 4 for floating-point
+    /// samples, else 0).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=16))]
+    corrections: Option<u32>,
     /// The mesh that gives the shape: a file, `box`, `auto` or `auto:VALUE`.
     #[arg(long, value_name = "M")]
     mesh: Option<String>,

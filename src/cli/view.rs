@@ -7,7 +7,6 @@ use anyhow::{Result, bail};
 use crate::evaluate::picture::{Backend, Mode, Refinement, ViewOptions};
 use crate::evaluate::{geometry, tets};
 use crate::scene::{Document, ProxySource, ShadingSpec};
-use crate::spline::STEPS;
 
 /// Which renderer or resampler does the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -71,7 +70,7 @@ pub struct ViewArgs {
     /// Largest error of the displaced coordinate, in voxels (default: 0.25, of tets 0.1).
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     tolerance: Option<f64>,
-    /// Correction steps of --mode spline, 0 (smoothest) to 16 (default: 4).
+    /// Correction steps of --mode spline, 0 (smoothest) to 16 (default: 4 for floating-point samples, else 0).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=16))]
     corrections: Option<u32>,
     /// Leave the background transparent.
@@ -131,7 +130,6 @@ impl ViewArgs {
         if self.corrections.is_some() && self.mode != ModeArg::Spline {
             bail!("--corrections goes with --mode spline only");
         }
-        let corrections = self.corrections.unwrap_or(STEPS);
         let tolerance = checked_tolerance(self.tolerance)?.unwrap_or(usual);
         let refinement = self.subdivision.map_or(Refinement::Tolerance(tolerance), Refinement::Depth);
         let view = self.look.apply(document)?;
@@ -148,7 +146,14 @@ impl ViewArgs {
             }
         }
         let backend = if mode == Mode::Spline { Backend::Cpu } else { view.backend };
-        Ok(ViewOptions { mode, refinement, backend, transparent: self.transparent, corrections, ..view })
+        Ok(ViewOptions {
+            mode,
+            refinement,
+            backend,
+            transparent: self.transparent,
+            corrections: self.corrections,
+            ..view
+        })
     }
 }
 
@@ -205,7 +210,7 @@ impl LookArgs {
             refinement: Refinement::Tolerance(geometry::TOLERANCE),
             backend: self.backend.into(),
             transparent: false,
-            corrections: STEPS,
+            corrections: None,
         })
     }
 }

@@ -51,8 +51,8 @@ pub struct ViewOptions {
     pub backend: Backend,
     /// Leave the background transparent.
     pub transparent: bool,
-    /// Correction steps of [`Mode::Spline`] (see [`crate::spline`]).
-    pub corrections: u32,
+    /// Correction steps of [`Mode::Spline`] (see [`crate::spline`]); `None`: as many as suit the samples.
+    pub corrections: Option<u32>,
 }
 
 /// What was done, and how long it took.

@@ -26,8 +26,8 @@ use crate::with_samples;
 /// Which surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// Of the C1 spline, after so many corrections.
-    Spline { corrections: u32 },
+    /// Of the C1 spline, after so many corrections; `None`: as many as suit the samples.
+    Spline { corrections: Option<u32> },
     /// Of the trilinear function, by marching cubes.
     Cells,
 }
@@ -78,7 +78,7 @@ pub fn surface(object: &Object, options: &SurfaceOptions) -> Result<Surface, Eva
     let contour = match options.method {
         Method::Cells => cells::surface(&volume, channel, iso),
         Method::Spline { corrections } => {
-            let spline = Spline::of_volume(&volume, channel, corrections);
+            let spline = Spline::of_volume(&volume, channel, steps(object, corrections));
             ms_spline = since(making);
             match options.tolerance {
                 None => spline::surface::surface(&spline, iso, frame),
@@ -104,6 +104,10 @@ pub fn surface(object: &Object, options: &SurfaceOptions) -> Result<Surface, Eva
         ms_mesh: since(making) - ms_spline,
         ms_total: since(started),
     })
+}
+
+fn steps(object: &Object, asked: Option<u32>) -> u32 {
+    asked.unwrap_or_else(|| spline::suggested_steps(&object.volume.samples))
 }
 
 /// The volume as it was sculpted: the object's own if nothing was done to it.
@@ -152,7 +156,7 @@ pub(super) fn picture(
     };
     let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
     let volume = sculpted(object)?;
-    let spline = Spline::of_volume(&volume, volume.channels - 1, options.corrections);
+    let spline = Spline::of_volume(&volume, volume.channels - 1, steps(object, options.corrections));
     let level = Level::new(&spline, iso);
     let ms_geometry = since(started);
     let drawing = Instant::now();

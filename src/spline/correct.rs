@@ -4,6 +4,8 @@
 //! each of the 12 across edges. Steps `c <- c + (f - A c)` from `c = f` lead to coefficients `c` whose spline nearly passes
 //! through `f`. `A` vanishes at the highest frequency, so no exact inverse is wanted.
 
+use pulp::WithSimd;
+
 use crate::math::parallel;
 
 /// A volume with one more layer of samples on every side, which repeats the outermost.
@@ -164,7 +166,30 @@ impl Sums {
         ];
         let (left, right) = (&own[at - width..][..width], &own[at + width..][..width]);
         let (below, own, above) = (&below[at..][..width], &own[at..][..width], &above[at..][..width]);
-        let (ends, middle) = (&mut self.ends[..width], &mut self.middle[..width]);
+        pulp::Arch::new().dispatch(Row { sums: self, below, own, above, left, right, corners });
+        &self.smooth
+    }
+}
+
+/// A row of `A c`, from the rows around it.
+struct Row<'a> {
+    sums: &'a mut Sums,
+    below: &'a [f32],
+    own: &'a [f32],
+    above: &'a [f32],
+    left: &'a [f32],
+    right: &'a [f32],
+    corners: [&'a [f32]; 4],
+}
+
+impl WithSimd for Row<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { sums, below, own, above, left, right, corners } = self;
+        let width = own.len();
+        let (ends, middle) = (&mut sums.ends[..width], &mut sums.middle[..width]);
         for i in 0..width {
             let lateral = (left[i] + right[i]) + (below[i] + above[i]);
             let diagonal = (corners[0][i] + corners[1][i]) + (corners[2][i] + corners[3][i]);
@@ -172,11 +197,10 @@ impl Sums {
             middle[i] = own[i] * (3.0 / 8.0) + lateral * (1.0 / 12.0) + diagonal * (1.0 / 96.0);
         }
         let n = width - 2;
-        let smooth = &mut self.smooth[..n];
+        let smooth = &mut sums.smooth[..n];
         let (before, middle, after) = (&ends[..n], &middle[1..][..n], &ends[2..][..n]);
         for i in 0..n {
             smooth[i] = middle[i] + (before[i] + after[i]);
         }
-        smooth
     }
 }
