@@ -20,7 +20,7 @@
 //! |---|---|
 //! | L0 | [`math`]: spaces, oriented boxes, quadratic B-splines |
 //! | L1 | [`volume`]: grid with its affine frame, sampling, histogram, transfer function, phantoms; [`mesh`]: surface mesh with edge list, checks, primitives; tetrahedral meshes, cells that become such, and how they are made |
-//! | L2 | [`io`], [`deform`], [`slice`](mod@slice), [`tessellate`], [`subdivide`], [`render`] (view, shading, the CPU renderer of slice geometry), [`warp`]: tetrahedron rasterization, [`compare`]: metrics of pictures and volumes |
+//! | L2 | [`io`], [`deform`], [`slice`](mod@slice), [`tessellate`], [`subdivide`], [`render`] (view, shading, the CPU renderer of slice geometry), [`warp`]: tetrahedron rasterization, [`spline`]: smooth iso-surfaces, their rays and meshes, [`compare`]: metrics of pictures and volumes |
 //! | L3 | [`scene`]: the document, edits, history, project file; [`gpu`]: device, passes, readback |
 //! | L4 | [`evaluate`]: document -> derived data, on CPU or GPU; export |
 //! | L5 | [`app`]: the modeller's window; [`cli`]: one file per verb |
@@ -43,6 +43,7 @@ pub mod mesh;
 pub mod render;
 pub mod scene;
 pub mod slice;
+pub mod spline;
 pub mod subdivide;
 pub mod tessellate;
 pub mod volume;

@@ -39,6 +39,7 @@ fn view() -> ViewOptions {
         refinement: Refinement::Tolerance(0.25),
         backend: Backend::Cpu,
         transparent: false,
+        corrections: None,
     }
 }
 

@@ -314,7 +314,7 @@ fn what_cannot_be_written_leaves_nothing_behind() {
         let m = write_surface(&dir.path().join(name), mesh).expect_err("refused").to_string();
         assert!(m.contains(part), "{m}");
     };
-    fails("a.txt", &mesh, "the name does not end in a surface format; use .obj, .stl or .ply");
+    fails("a.txt", &mesh, "the name does not end in a surface format; use .obj, .stl, .ply or .glb");
     fails("missing/a.obj", &mesh, "cannot write");
     mesh.positions[2].x = 1e40;
     fails("a.stl", &mesh, "vertex 3 is too large for the 32-bit numbers of STL");

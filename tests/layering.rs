@@ -16,6 +16,7 @@ const LAYERS: &[(&str, u8)] = &[
     ("render", 2),
     ("compare", 2),
     ("warp", 2),
+    ("spline", 2),
     ("scene", 3),
     ("gpu", 3),
     ("evaluate", 4),

@@ -23,7 +23,7 @@ pub const MAP: &[(&str, &str, &str)] = &[
     ("View", "Home", "frame all"),
     ("View", "Ctrl 1 3 7", "front, right, top; with Shift back, left, bottom"),
     ("View", "5", "perspective or parallel"),
-    ("View", "1 2 3", "slicing, exact, tets"),
+    ("View", "1 2 3 4", "slicing, exact, tets, surface"),
     ("View", "A", "compare with another mode or the original"),
     ("View", "W", "tessellation of a slice"),
     ("View", "Tab", "texture cube"),
@@ -150,7 +150,12 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.cancel_stroke();
         m.measure.clear();
     }
-    for (key, mode) in [(Key::Num1, Mode::Slicing), (Key::Num2, Mode::SlicingExact), (Key::Num3, Mode::Tets)] {
+    for (key, mode) in [
+        (Key::Num1, Mode::Slicing),
+        (Key::Num2, Mode::SlicingExact),
+        (Key::Num3, Mode::Tets),
+        (Key::Num4, Mode::Spline),
+    ] {
         if pressed(key) {
             m.view.mode = mode;
         }

@@ -61,6 +61,7 @@ fn modes(m: &mut Modeller, ui: &mut egui::Ui) {
         (Mode::Slicing, "Slicing", 1, "texture coordinates displaced on a subdivision of each slice"),
         (Mode::SlicingExact, "Exact", 2, "the backward map for every fragment"),
         (Mode::Tets, "Tets", 3, "the volume warped through a lattice of tetrahedra, then drawn"),
+        (Mode::Spline, "Surface", 4, "the smooth iso-surface of a C1 spline"),
     ] {
         let button = egui::Button::selectable(m.view.mode == mode, name).frame_when_inactive(true);
         if ui.add(button).on_hover_text(format!("{what} ({key})")).clicked() {

@@ -437,6 +437,7 @@ impl Modeller {
             refinement: Refinement::Tolerance(crate::evaluate::geometry::TOLERANCE),
             backend: self.backend,
             transparent: false,
+            corrections: None,
         };
         let ground = theme::view_ground(ctx.theme() == egui::Theme::Dark);
         self.tasks.push(tasks::turntable(ctx, document, desk.base.clone(), desk.data.clone(), options, ground, table));

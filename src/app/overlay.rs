@@ -25,6 +25,7 @@ pub fn mode_name(mode: Mode) -> &'static str {
         Mode::Slicing => "Slicing",
         Mode::SlicingExact => "Exact",
         Mode::Tets => "Tets",
+        Mode::Spline => "Surface",
     }
 }
 

@@ -352,6 +352,7 @@ pub fn screenshot(
             refinement: Refinement::Tolerance(crate::evaluate::geometry::TOLERANCE),
             backend,
             transparent: shot.transparent,
+            corrections: None,
         };
         let background = document.look.background.unwrap_or(shot.background);
         let look = Look { background, ..document.look.look(object.iso) };

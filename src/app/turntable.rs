@@ -129,6 +129,7 @@ mod tests {
             refinement: Refinement::Depth(1),
             backend: Backend::Cpu,
             transparent: false,
+            corrections: None,
         };
         let go = |name: &str| {
             let table = Turntable { path: folder.path().join(name), frames: 3, seconds: 1.0 };

@@ -20,8 +20,8 @@ use crate::evaluate::load::{Data, Object, Workspace};
 use crate::evaluate::picture::{Backend, Mode, PictureReport, Refinement, Renderer, ViewOptions};
 use crate::evaluate::section::Section;
 use crate::evaluate::{EvaluateError, geometry, tets};
-use crate::render::{Camera, Look, Picture};
-use crate::scene::{CameraSpec, Document, LookSpec};
+use crate::render::{Camera, Look, Picture, Shading};
+use crate::scene::{CameraSpec, Document, LookSpec, ShadingSpec};
 
 /// What is held against the main picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -285,7 +285,7 @@ impl Painter {
         if between > 1.3 * coarse && between < 0.8 && !stale() {
             self.picture(generation, asked, want, &object, between, slices(between), false, &stale)?;
         }
-        if coarse < 1.0 || want.mode == Mode::Tets {
+        if coarse < 1.0 {
             self.picture(generation, asked, want, &object, 1.0, slices(1.0), false, &stale)?;
         }
         Ok(())
@@ -326,7 +326,8 @@ impl Painter {
         moving: bool,
         stop: crate::render::Stop<'_>,
     ) -> Result<(), EvaluateError> {
-        let last = scale >= 1.0;
+        // where slices stand for something slower, they are not the last word
+        let last = scale >= 1.0 && (!moving || want.mode == Mode::Slicing || want.mode == Mode::SlicingExact);
         let size = [want.size.0, want.size.1].map(|n| ((f64::from(n) * scale).round() as u32).max(1));
         let options = ViewOptions {
             size: (size[0], size[1]),
@@ -335,6 +336,7 @@ impl Painter {
             refinement: if last { Refinement::Tolerance(geometry::TOLERANCE) } else { Refinement::Depth(2) },
             backend: self.backend,
             transparent: false,
+            corrections: None,
         };
         let camera = object.camera(&want.document.camera);
         let look = Look {
@@ -342,7 +344,7 @@ impl Painter {
             ..want.document.look.look(object.iso)
         };
         let Some((main, report)) = self.draw(object, &camera, &look, &options, !last, stop)? else { return Ok(()) };
-        if want.mode != Mode::Tets || !last {
+        if !matches!(want.mode, Mode::Tets | Mode::Spline) || !last {
             self.pace.learn(&report, options.size);
         }
         let other = match want.other {
@@ -375,7 +377,7 @@ impl Painter {
         Ok(())
     }
 
-    /// One picture. Tetrahedra are too slow for the hand: while something moves, slices stand for them.
+    /// One picture. Tetrahedra and splines are too slow for the hand: while something moves, slices stand for them.
     fn draw(
         &mut self,
         object: &Arc<Object>,
@@ -387,6 +389,15 @@ impl Painter {
     ) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
         let mut object = object.clone();
         let mut mode = options.mode;
+        let mut look = *look;
+        if mode == Mode::Spline && coarse {
+            mode = Mode::Slicing;
+            if !matches!(look.shading, Shading::Iso { .. }) {
+                look.shading = LookSpec { shading: ShadingSpec::Iso { value: None }, ..LookSpec::default() }
+                    .look(object.iso)
+                    .shading;
+            }
+        }
         if mode == Mode::Tets {
             mode = Mode::Slicing;
             let known = self.known.as_ref().and_then(|k| k.made.as_ref());
@@ -410,7 +421,7 @@ impl Painter {
             Some(renderer) => renderer,
             None => self.renderer.insert(Renderer::new(self.backend)?),
         };
-        renderer.picture_until(&object, camera, look, &ViewOptions { mode, ..*options }, stop)
+        renderer.picture_until(&object, camera, &look, &ViewOptions { mode, ..*options }, stop)
     }
 }
 

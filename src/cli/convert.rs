@@ -17,7 +17,7 @@ pub struct Args {
     /// A volume, phantom:NAME[:SIZE], a surface or a tetrahedral mesh.
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write: .nrrd .nhdr .nii .nii.gz .mha .mhd .raw, or .obj .stl .ply, or .vtu .vtk .msh .mesh .node .ele.
+    /// The file to write: .nrrd .nhdr .nii .nii.gz .mha .mhd .raw, or .obj .stl .ply .glb, or .vtu .vtk .msh .mesh .node .ele.
     #[arg(value_name = "OUT")]
     output: PathBuf,
 }
@@ -28,7 +28,7 @@ pub fn run(args: &Args) -> Result<Answer> {
     let from = if word.starts_with("phantom:") { Some(FileKind::Volume) } else { io::kind_of(&args.input)? };
     let Some(to) = written(&args.output) else {
         bail!(
-            "{}: cannot be written by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw for a volume, .obj .stl .ply for a surface or .vtu .vtk .msh .mesh .node .ele for a tetrahedral mesh",
+            "{}: cannot be written by this name; expected .nrrd .nhdr .nii .nii.gz .mha .mhd .raw for a volume, .obj .stl .ply .glb for a surface or .vtu .vtk .msh .mesh .node .ele for a tetrahedral mesh",
             args.output.display()
         );
     };
@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> Result<Answer> {
 
 /// What is written by this name.
 fn written(path: &Path) -> Option<FileKind> {
-    if io::is_surface_path(path) {
+    if io::is_surface_output(path) {
         Some(FileKind::Surface)
     } else if io::is_tets_path(path) {
         Some(FileKind::Tets)

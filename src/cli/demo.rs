@@ -52,6 +52,7 @@ pub fn run(args: &Args) -> Result<Answer> {
         refinement: Refinement::Tolerance(0.1),
         backend: args.backend.into(),
         transparent: false,
+        corrections: None,
     };
 
     let rest = load::load(&document, Path::new(""))?;

@@ -10,6 +10,7 @@ mod export;
 mod info;
 mod render;
 mod slice;
+mod surface;
 mod view;
 mod warp;
 
@@ -44,6 +45,7 @@ enum Verb {
     Render(render::Args),
     Warp(warp::Args),
     Export(export::Args),
+    Surface(surface::Args),
     Compare(compare::Args),
     Demo(demo::Args),
     Bench(bench::Args),
@@ -126,6 +128,7 @@ fn run(verb: &Verb) -> anyhow::Result<Answer> {
         Verb::Render(args) => render::run(args),
         Verb::Warp(args) => warp::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Surface(args) => surface::run(args),
         Verb::Compare(args) => compare::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Bench(args) => bench::run(args),

@@ -17,6 +17,8 @@ use crate::mesh::tet_map::MapReport;
 /// Example: voxclay render head.nii.gz --transfer ct-bone --yaw 30 -o head.png
 ///
 /// Through tetrahedra: voxclay render sculpt.voxclay --mode tets -o sculpt.png
+///
+/// A smooth iso-surface: voxclay render sculpt.voxclay --mode spline --iso 0.3 -o sculpt.png
 #[derive(clap::Args)]
 pub struct Args {
     /// A project (.voxclay), a volume file, or phantom:NAME[:SIZE].

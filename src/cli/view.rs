@@ -35,6 +35,8 @@ enum ModeArg {
     SlicingExact,
     /// The volume warped through a lattice of tetrahedra, then drawn.
     Tets,
+    /// The smooth iso-surface of a C1 spline, by ray casting on the CPU.
+    Spline,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -68,6 +70,9 @@ pub struct ViewArgs {
     /// Largest error of the displaced coordinate, in voxels (default: 0.25, of tets 0.1).
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     tolerance: Option<f64>,
+    /// Correction steps of --mode spline, 0 (smoothest) to 16 (default: 4 for floating-point samples, else 0).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=16))]
+    corrections: Option<u32>,
     /// Leave the background transparent.
     #[arg(long)]
     transparent: bool,
@@ -120,11 +125,35 @@ impl ViewArgs {
             ModeArg::Slicing => (Mode::Slicing, geometry::TOLERANCE),
             ModeArg::SlicingExact => (Mode::SlicingExact, geometry::TOLERANCE),
             ModeArg::Tets => (Mode::Tets, tets::TOLERANCE),
+            ModeArg::Spline => (Mode::Spline, geometry::TOLERANCE),
         };
+        if self.corrections.is_some() && self.mode != ModeArg::Spline {
+            bail!("--corrections goes with --mode spline only");
+        }
         let tolerance = checked_tolerance(self.tolerance)?.unwrap_or(usual);
         let refinement = self.subdivision.map_or(Refinement::Tolerance(tolerance), Refinement::Depth);
         let view = self.look.apply(document)?;
-        Ok(ViewOptions { mode, refinement, transparent: self.transparent, ..view })
+        if mode == Mode::Spline {
+            if view.backend == Backend::Gpu {
+                bail!("--mode spline is drawn on the CPU only; leave out --backend gpu");
+            }
+            match document.look.shading {
+                ShadingSpec::Iso { .. } => {}
+                _ if self.look.shading.is_some() => {
+                    bail!("--mode spline shows an iso-surface; it goes with --shading iso only")
+                }
+                _ => document.look.shading = ShadingSpec::Iso { value: None },
+            }
+        }
+        let backend = if mode == Mode::Spline { Backend::Cpu } else { view.backend };
+        Ok(ViewOptions {
+            mode,
+            refinement,
+            backend,
+            transparent: self.transparent,
+            corrections: self.corrections,
+            ..view
+        })
     }
 }
 
@@ -181,6 +210,7 @@ impl LookArgs {
             refinement: Refinement::Tolerance(geometry::TOLERANCE),
             backend: self.backend.into(),
             transparent: false,
+            corrections: None,
         })
     }
 }

@@ -45,6 +45,8 @@ pub enum EvaluateError {
         "the placement scales the mesh by {0}, which leaves nothing of it; every factor must be finite and not zero"
     )]
     FlatPlacement(f64),
+    #[error("there is no surface at {iso}: the values reach from {lo} to {hi}, and it must lie between them")]
+    NoSurface { iso: f64, lo: f64, hi: f64 },
     #[error("the view has no direction: yaw and pitch must be finite")]
     View,
     #[error("the mesh spans {0} slices of one voxel each; give a number of slices, or a mesh in the volume's units")]

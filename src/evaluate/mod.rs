@@ -1,7 +1,8 @@
 //! L4: from the document to what is derived from it, on the CPU or the GPU.
 //!
 //! [`load::load`] brings a document's data into memory, [`geometry`] makes slices of it for a view, [`picture`] draws them,
-//! [`pick`] finds what a ray meets, and [`resample`] exports the deformed volume, [`tets`] does both through a lattice of tetrahedra. [`certificate`] says what
+//! [`pick`] finds what a ray meets, [`section`] cuts through, [`resample`] exports the deformed volume, [`tets`] does both
+//! through a lattice of tetrahedra, [`surface`] makes smooth iso-surfaces. [`certificate`] says what
 //! an export is worth, [`compare`] what each mode is.
 
 pub mod certificate;
@@ -16,6 +17,7 @@ pub mod pick;
 pub mod picture;
 pub mod resample;
 pub mod section;
+pub mod surface;
 pub mod tets;
 
 pub use error::EvaluateError;

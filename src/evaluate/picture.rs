@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::EvaluateError;
 use super::geometry::{self, GeometryOptions};
 use super::load::Object;
-use super::tets;
+use super::{surface, tets};
 use crate::gpu::{self, Gpu, Preference};
 use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
@@ -35,6 +35,8 @@ pub enum Mode {
     /// The volume warped through a lattice of tetrahedra first, then drawn as one that is not deformed. The refinement is
     /// the lattice's.
     Tets,
+    /// The smooth iso-surface of a C1 spline, by ray casting on the CPU.
+    Spline,
 }
 
 /// How a picture is taken.
@@ -49,6 +51,8 @@ pub struct ViewOptions {
     pub backend: Backend,
     /// Leave the background transparent.
     pub transparent: bool,
+    /// Correction steps of [`Mode::Spline`] (see [`crate::spline`]); `None`: as many as suit the samples.
+    pub corrections: Option<u32>,
 }
 
 /// What was done, and how long it took.
@@ -107,13 +111,15 @@ pub(super) fn geometry_options(options: &ViewOptions) -> GeometryOptions {
 #[derive(Debug)]
 pub struct Renderer {
     gpu: Option<gpu::Renderer>,
+    /// Of [`Mode::Spline`].
+    smooth: Option<surface::Smooth>,
 }
 
 impl Renderer {
     /// # Errors
     /// If the GPU is asked for and none can be opened.
     pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
-        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()? })
+        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?, smooth: None })
     }
 
     /// Draws an object.
@@ -152,6 +158,9 @@ impl Renderer {
         stop: render::Stop<'_>,
     ) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
         let started = Instant::now();
+        if options.mode == Mode::Spline {
+            return surface::picture(&mut self.smooth, object, camera, look, options, stop);
+        }
         if options.mode == Mode::Tets {
             let warped = tets::warped(object, options.refinement)?;
             let drawn = ViewOptions { mode: Mode::Slicing, ..*options };

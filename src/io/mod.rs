@@ -3,7 +3,7 @@
 //! | | by name | formats |
 //! |---|---|---|
 //! | volumes | [`read_volume`], [`write_volume`] | [`nrrd`], [`nifti`], [`metaimage`], [`raw`]; read only: [`vti`], [`vtk`] |
-//! | surfaces | [`read_surface`], [`write_surface`] | [`obj`], [`stl`], [`ply`]; read only: [`vtk`] |
+//! | surfaces | [`read_surface`], [`write_surface`] | [`obj`], [`stl`], [`ply`]; read only: [`vtk`]; written only: [`glb`] |
 //! | tetrahedral meshes | [`read_tets`], [`write_tets`] | [`vtu`], [`vtk`], [`gmsh`], [`medit`], [`tetgen`] |
 //!
 //! Sizes in headers are never trusted before allocation: they are checked against the bytes that are really there.
@@ -25,6 +25,7 @@ mod vtk_cells;
 mod vtk_xml;
 mod words;
 
+pub mod glb;
 pub mod gmsh;
 pub mod medit;
 pub mod metaimage;
@@ -42,7 +43,9 @@ pub mod vtu;
 pub use atomic::write_atomic;
 pub use error::IoError;
 pub use kind::{FileKind, kind_of};
-pub use surface::{is_surface_path, read_surface, read_surface_as_stored, write_surface};
+pub use surface::{
+    is_surface_output, is_surface_path, read_surface, read_surface_as_stored, write_surface, write_surface_with_normals,
+};
 pub use tets::{GmshVersion, TetWriteOptions, is_tets_path, keeps_vectors, read_cells, read_tets, write_tets};
 pub use text::read_text;
 pub use volume::{Encoding, WriteOptions, check_volume_output, is_volume_path, read_grid, read_volume, write_volume};

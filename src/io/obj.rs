@@ -6,7 +6,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::surface::Polygons;
 use super::words::{number, show};
@@ -73,17 +73,25 @@ fn add_statement(polygons: &mut Polygons, line: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Writes positions with as many digits as bring every bit back.
+/// Writes positions with as many digits as bring every bit back, and normals if there is one for each.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write(path: &Path, mesh: &TriMesh) -> Result<(), IoError> {
+pub fn write(path: &Path, mesh: &TriMesh, normals: &[Vec3]) -> Result<(), IoError> {
     write_atomic(path, |w| {
         for p in &mesh.positions {
             writeln!(w, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
         }
+        let normals = if normals.len() == mesh.positions.len() { normals } else { &[] };
+        for n in normals {
+            writeln!(w, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
+        }
         for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|v| u64::from(v) + 1)) {
-            writeln!(w, "f {a} {b} {c}")?;
+            if normals.is_empty() {
+                writeln!(w, "f {a} {b} {c}")?;
+            } else {
+                writeln!(w, "f {a}//{a} {b}//{b} {c}//{c}")?;
+            }
         }
         Ok(())
     })

@@ -7,6 +7,8 @@
 use std::io::Write;
 use std::path::Path;
 
+use glam::Vec3;
+
 use super::surface::Polygons;
 use super::words::{Words, show};
 use super::{IoError, write_atomic};
@@ -265,23 +267,32 @@ impl Source<'_> {
     }
 }
 
-/// Writes little-endian binary PLY with 64-bit positions.
+/// Writes little-endian binary PLY with 64-bit positions, and 32-bit normals if there is one for each.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write(path: &Path, mesh: &TriMesh) -> Result<(), IoError> {
+pub fn write(path: &Path, mesh: &TriMesh, normals: &[Vec3]) -> Result<(), IoError> {
     // signed indices are what most programs know
     let index = if mesh.positions.len() <= i32::MAX as usize { "int" } else { "uint" };
+    let lit = normals.len() == mesh.positions.len();
+    let more = if lit { "property float nx\nproperty float ny\nproperty float nz\n" } else { "" };
     write_atomic(path, |w| {
         write!(
             w,
             "ply\nformat binary_little_endian 1.0\ncomment Voxclay\nelement vertex {}\nproperty double x\nproperty double y\n\
-             property double z\nelement face {}\nproperty list uchar {index} vertex_indices\nend_header\n",
+             property double z\n{more}element face {}\nproperty list uchar {index} vertex_indices\nend_header\n",
             mesh.positions.len(),
             mesh.triangles.len()
         )?;
-        for x in mesh.positions.iter().flat_map(|p| p.to_array()) {
-            w.write_all(&x.to_le_bytes())?;
+        for (i, p) in mesh.positions.iter().enumerate() {
+            for x in p.to_array() {
+                w.write_all(&x.to_le_bytes())?;
+            }
+            if lit {
+                for x in normals[i].to_array() {
+                    w.write_all(&x.to_le_bytes())?;
+                }
+            }
         }
         for t in &mesh.triangles {
             w.write_all(&[3])?;

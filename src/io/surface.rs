@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::tets::extension;
-use super::{IoError, obj, ply, stl, vtk};
+use super::{IoError, glb, obj, ply, stl, vtk};
 use crate::mesh::TriMesh;
 
 /// Larger coordinates could overflow in products of three.
@@ -49,21 +49,38 @@ pub fn read_surface_as_stored(path: &Path) -> Result<TriMesh, IoError> {
     parse(path, &bytes)
 }
 
-/// Writes a surface: OBJ and PLY keep positions to the last bit, binary STL rounds them to 32 bits.
+/// Whether the name ends in a surface format that is written here: those of [`is_surface_path`], and `glb`.
+pub fn is_surface_output(path: &Path) -> bool {
+    is_surface_path(path) || extension(path).as_deref() == Some("glb")
+}
+
+/// Writes a surface: OBJ and PLY keep positions to the last bit, binary STL and GLB round them to 32 bits.
 ///
 /// # Errors
-/// If the extension is none of `obj`, `stl`, `ply`, a position cannot be stored, or the file cannot be written.
+/// If the extension is none of `obj`, `stl`, `ply`, `glb`, a position cannot be stored, or the file cannot be written.
 pub fn write_surface(path: &Path, mesh: &TriMesh) -> Result<(), IoError> {
+    write_surface_with_normals(path, mesh, &[])
+}
+
+/// The same with a unit normal for each vertex, which STL leaves out.
+///
+/// # Errors
+/// As [`write_surface`].
+pub fn write_surface_with_normals(path: &Path, mesh: &TriMesh, normals: &[Vec3]) -> Result<(), IoError> {
     let write = match extension(path).as_deref() {
         Some("obj") => obj::write,
-        Some("stl") => stl::write,
+        Some("stl") => |path: &Path, mesh: &TriMesh, _: &[Vec3]| stl::write(path, mesh),
         Some("ply") => ply::write,
-        _ => return Err(unknown(path)),
+        Some("glb") => glb::write,
+        _ => {
+            let what = "the name does not end in a surface format; use .obj, .stl, .ply or .glb";
+            return Err(IoError::unsupported(path, what));
+        }
     };
     if let Some(v) = mesh.positions.iter().position(|p| !p.is_finite()) {
         return Err(IoError::unsupported(path, format!("vertex {} is not finite, so it cannot be written", v + 1)));
     }
-    write(path, mesh)
+    write(path, mesh, normals)
 }
 
 fn unknown(path: &Path) -> IoError {

@@ -9,6 +9,8 @@ mod bisection;
 mod bvh;
 pub mod cells;
 pub mod check;
+pub mod contour;
+mod contour_table;
 mod distance;
 mod exact;
 mod fill;
