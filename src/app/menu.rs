@@ -177,6 +177,8 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
         ui.checkbox(&mut m.view.proxy, "Proxy wireframe");
         ui.checkbox(&mut m.view.boxes, "Box of the selected deformation");
         ui.checkbox(&mut m.view.tessellation, "Tessellation of a slice   W");
+        ui.checkbox(&mut m.view.growth, "Growth and folds in the slices")
+            .on_hover_text("Blue where material is squeezed, orange where it is stretched, red where space is folded");
         ui.checkbox(&mut m.view.cube, "Texture cube   Tab");
         ui.checkbox(&mut m.show_trace, "Times   F12");
         ui.separator();

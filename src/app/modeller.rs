@@ -101,6 +101,8 @@ pub struct ViewState {
     pub proxy: bool,
     pub boxes: bool,
     pub tessellation: bool,
+    /// Growth and folds in the sections.
+    pub growth: bool,
     /// World point of the sections.
     pub cursor: DVec3,
     /// Grey window of the sections, real values.
@@ -229,6 +231,7 @@ struct Key {
     mode: Mode,
     other: Option<Other>,
     sections: Option<(DVec3, usize)>,
+    growth: bool,
     tessellation: bool,
     dark: bool,
     data: Arc<Data>,
@@ -238,8 +241,8 @@ impl Key {
     fn same(&self, k: &Self) -> bool {
         (Arc::ptr_eq(&self.document, &k.document) || self.document == k.document)
             && Arc::ptr_eq(&self.data, &k.data)
-            && (self.size, self.mode, self.other, self.sections, self.tessellation, self.dark)
-                == (k.size, k.mode, k.other, k.sections, k.tessellation, k.dark)
+            && (self.size, self.mode, self.other, self.sections, self.growth, self.tessellation, self.dark)
+                == (k.size, k.mode, k.other, k.sections, k.growth, k.tessellation, k.dark)
     }
 }
 
@@ -265,6 +268,7 @@ impl Modeller {
                 proxy: false,
                 boxes: true,
                 tessellation: false,
+                growth: false,
                 cursor: DVec3::ZERO,
                 window: [0.0, 1.0],
             },
@@ -708,6 +712,7 @@ impl Modeller {
             mode: self.view.mode,
             other: self.view.compare.then_some(self.view.other),
             sections: panels::is_open(&self.tree, Pane::Slices).then_some((self.view.cursor, 256)),
+            growth: self.view.growth,
             tessellation: self.view.tessellation && self.view.overlays,
             dark,
             data: desk.data.clone(),
@@ -734,6 +739,7 @@ impl Modeller {
                 moving,
                 budget: self.settings.preview_ms,
                 sections: key.sections,
+                growth: key.growth,
                 tessellation: key.tessellation,
                 ground: theme::view_ground(dark),
             });

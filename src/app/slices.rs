@@ -88,11 +88,29 @@ fn colour(m: &mut Modeller, ctx: &egui::Context) {
                 Color32::from_gray(((v - lo) * scale).clamp(0.0, 255.0) as u8)
             }
         };
-        let image = ColorImage::new(section.size, values.iter().map(grey).collect());
+        let pixels = match &sections.growth {
+            None => values.iter().map(grey).collect(),
+            Some(growth) => values.iter().zip(&growth[axis]).map(|(v, g)| tinted(grey(v), *g)).collect(),
+        };
+        let image = ColorImage::new(section.size, pixels);
         match &mut m.textures.sections[axis] {
             Some(texture) => texture.set(image, TextureOptions::LINEAR),
             slot => *slot = Some(ctx.load_texture(NAMES[axis], image, TextureOptions::LINEAR)),
         }
     }
     m.textures.window = m.view.window;
+}
+
+/// Blue where material is squeezed, orange where it is stretched, red where space is folded. Twice as large or half is the
+/// full colour.
+fn tinted(grey: Color32, growth: f32) -> Color32 {
+    if grey == Color32::TRANSPARENT {
+        return grey;
+    }
+    if growth <= 0.0 || !growth.is_finite() {
+        return theme::ERROR;
+    }
+    let t = growth.log2().clamp(-1.0, 1.0);
+    let toward = if t > 0.0 { theme::ACCENT } else { theme::AXES[2] };
+    grey.lerp_to_gamma(toward, 0.6 * t.abs())
 }

@@ -48,6 +48,8 @@ pub struct Want {
     pub budget: f32,
     /// Sections through this point, so many pixels along their longer side.
     pub sections: Option<(DVec3, usize)>,
+    /// Also how much material has grown, in the sections.
+    pub growth: bool,
     /// Also the triangles of the middle slice.
     pub tessellation: bool,
     pub ground: [[f32; 3]; 2],
@@ -82,6 +84,8 @@ pub struct OtherShown {
 #[derive(Debug, Clone)]
 pub struct Sections {
     pub planes: [(Section, Vec<f32>); 3],
+    /// How much material has grown, if it was asked for.
+    pub growth: Option<[Vec<f32>; 3]>,
     pub point: DVec3,
 }
 
@@ -273,7 +277,8 @@ impl Painter {
                 let values = section.values(&object);
                 (section, values)
             });
-            self.say(News::Sections(Box::new(Sections { planes, point })));
+            let growth = want.growth.then(|| [0, 1, 2].map(|axis: usize| planes[axis].0.growth(&object)));
+            self.say(News::Sections(Box::new(Sections { planes, growth, point })));
         }
         if want.tessellation && !stale() {
             self.say(News::Tessellation(tessellation(&object, want)?));

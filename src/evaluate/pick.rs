@@ -113,6 +113,12 @@ impl<'a> Probe<'a> {
         value(&self.object.volume, self.voxel_from_world.transform_point3(rest))
     }
 
+    /// How many times larger material is than it was, at a point of the deformed world: 1 / det of the backward map's Jacobian.
+    /// Not positive where space is folded.
+    pub fn growth(&self, point: DVec3) -> f64 {
+        1.0 / self.map.backward_with_jacobian(point).1.determinant()
+    }
+
     /// The first thing seen along a ray.
     pub fn first(&self, ray: &Ray, shading: Shading) -> Option<Hit> {
         let object = self.object;

@@ -60,14 +60,22 @@ impl Section {
 
     /// Real values of all pixels, rows top down; NaN beyond the volume.
     pub fn values(&self, object: &Object) -> Vec<f32> {
-        let [w, h] = self.size;
         let probe = Probe::new(object);
-        let mut values = vec![f32::NAN; w * h];
+        self.pixels(|p| probe.value(p).map_or(f32::NAN, |v| v as f32))
+    }
+
+    /// How many times larger material is than it was, at all pixels; not positive where space is folded.
+    pub fn growth(&self, object: &Object) -> Vec<f32> {
+        let probe = Probe::new(object);
+        self.pixels(|p| probe.growth(p) as f32)
+    }
+
+    fn pixels(&self, of: impl Fn(DVec3) -> f32 + Sync) -> Vec<f32> {
+        let [w, h] = self.size;
+        let mut values = vec![0.0; w * h];
         values.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
             for (x, v) in row.iter_mut().enumerate() {
-                if let Some(value) = probe.value(self.point([x as f64, y as f64])) {
-                    *v = value as f32;
-                }
+                *v = of(self.point([x as f64, y as f64]));
             }
         });
         values
