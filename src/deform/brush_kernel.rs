@@ -33,7 +33,8 @@ fn rows(m: DMat3) -> [[f64; 3]; 3] {
 
 #[inline(always)]
 fn apply<T: Real>(m: &[[T; 3]; 3], v: [T; 3]) -> [T; 3] {
-    std::array::from_fn(|a| m[a][0] * v[0] + m[a][1] * v[1] + m[a][2] * v[2])
+    let row = |r: [T; 3]| r[0] * v[0] + r[1] * v[1] + r[2] * v[2];
+    [row(m[0]), row(m[1]), row(m[2])]
 }
 
 impl BrushKernel<f64> {
@@ -83,53 +84,67 @@ impl BrushKernel<f64> {
 }
 
 impl<T: Real> BrushKernel<T> {
-    /// The displacement, if `profile` is that of the ball.
+    /// `f A r`, if `profile` is that of the ball.
     #[inline(always)]
-    fn displacement_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> [T; 3] {
+    fn straight(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> [T; 3] {
         let f = self.ball.value_by(p, profile);
         let u = apply(&self.first, self.ball.offset(p));
-        match self.turns {
-            None => u.map(|c| f * c),
-            Some(turns) => {
-                let (sin, versed) = turn(turns * f);
-                let v = apply(&self.first, u);
-                std::array::from_fn(|a| sin * u[a] - versed * v[a])
-            }
-        }
+        [f * u[0], f * u[1], f * u[2]]
     }
 
-    /// The displacement and its derivative, row by row.
+    /// The displacement of a twist.
     #[inline(always)]
-    fn displacement_with_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> ([T; 3], [[T; 3]; 3]) {
+    fn turned(&self, p: [T; 3], turns: T, profile: impl Fn(T) -> (T, T)) -> [T; 3] {
+        let (sin, versed) = turn(turns * self.ball.value_by(p, profile));
+        let u = apply(&self.first, self.ball.offset(p));
+        let v = apply(&self.first, u);
+        [sin * u[0] - versed * v[0], sin * u[1] - versed * v[1], sin * u[2] - versed * v[2]]
+    }
+
+    /// `f A r` and its derivative, row by row.
+    #[inline(always)]
+    fn straight_with_gradient(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> ([T; 3], [[T; 3]; 3]) {
         let (f, slope) = self.ball.value_and_gradient_by(p, profile);
         let u = apply(&self.first, self.ball.offset(p));
-        match self.turns {
-            None => {
-                let rows = std::array::from_fn(|a| std::array::from_fn(|b| f * self.first[a][b] + u[a] * slope[b]));
-                (u.map(|c| f * c), rows)
-            }
-            Some(turns) => {
-                let both = turn(turns * f);
-                let ((sin, versed), (ds, dv)) = (both, turn_slopes(both));
-                let v = apply(&self.first, u);
-                let radians = turns * T::of(std::f64::consts::TAU);
-                let rows = std::array::from_fn(|a| {
-                    let by_angle = (ds * u[a] - dv * v[a]) * radians;
-                    std::array::from_fn(|b| sin * self.first[a][b] - versed * self.second[a][b] + by_angle * slope[b])
-                });
-                (std::array::from_fn(|a| sin * u[a] - versed * v[a]), rows)
-            }
-        }
+        let row = |a: usize| {
+            let m = self.first[a];
+            [f * m[0] + u[a] * slope[0], f * m[1] + u[a] * slope[1], f * m[2] + u[a] * slope[2]]
+        };
+        ([f * u[0], f * u[1], f * u[2]], [row(0), row(1), row(2)])
+    }
+
+    /// The displacement of a twist and its derivative, row by row.
+    #[inline(always)]
+    fn turned_with_gradient(&self, p: [T; 3], turns: T, profile: impl Fn(T) -> (T, T)) -> ([T; 3], [[T; 3]; 3]) {
+        let (f, slope) = self.ball.value_and_gradient_by(p, profile);
+        let both = turn(turns * f);
+        let ((sin, versed), (ds, dv)) = (both, turn_slopes(both));
+        let u = apply(&self.first, self.ball.offset(p));
+        let v = apply(&self.first, u);
+        let radians = turns * T::of(std::f64::consts::TAU);
+        let row = |a: usize| {
+            let (m, q) = (self.first[a], self.second[a]);
+            let by_angle = (ds * u[a] - dv * v[a]) * radians;
+            let entry = |b: usize| sin * m[b] - versed * q[b] + by_angle * slope[b];
+            [entry(0), entry(1), entry(2)]
+        };
+        let d = [sin * u[0] - versed * v[0], sin * u[1] - versed * v[1], sin * u[2] - versed * v[2]];
+        (d, [row(0), row(1), row(2)])
     }
 
     /// The displacement at `p`.
     pub fn displacement(&self, p: [T; 3]) -> [T; 3] {
-        self.displacement_by(p, profile_of(self.ball.falloff))
+        let profile = profile_of(self.ball.falloff);
+        self.turns.map_or_else(|| self.straight(p, &profile), |turns| self.turned(p, turns, &profile))
     }
 
     /// The displacement and its derivative, row by row.
     pub fn displacement_with_gradient(&self, p: [T; 3]) -> ([T; 3], [[T; 3]; 3]) {
-        self.displacement_with_gradient_by(p, profile_of(self.ball.falloff))
+        let profile = profile_of(self.ball.falloff);
+        match self.turns {
+            None => self.straight_with_gradient(p, profile),
+            Some(turns) => self.turned_with_gradient(p, turns, profile),
+        }
     }
 
     /// Bounds of the displacement along each coordinate over a box in the coordinates of the region, whose points lie between
@@ -168,17 +183,8 @@ impl<T: Real> BrushKernel<T> {
         })
     }
 
-    #[inline(always)]
-    fn displace_by(&self, b: &mut Block<T>, profile: impl Fn(T) -> (T, T)) {
-        for i in 0..BLOCK {
-            let d = self.displacement_by([b.x[i], b.y[i], b.z[i]], &profile);
-            b.x[i] -= d[0];
-            b.y[i] -= d[1];
-            b.z[i] -= d[2];
-        }
-    }
+    // action and falloff are chosen outside the loops, so that each loop is free of branches
 
-    // the falloff is chosen outside the loops, so that each loop is free of branches
     /// `p - D(p)` for every point of the block.
     #[inline(always)]
     pub fn displace(&self, b: &mut Block<T>) {
@@ -186,6 +192,24 @@ impl<T: Real> BrushKernel<T> {
             Falloff::Smooth => self.displace_by(b, smooth),
             Falloff::Spline => self.displace_by(b, spline),
             Falloff::Core(core) => self.displace_by(b, with_core(core)),
+        }
+    }
+
+    #[inline(always)]
+    fn displace_by(&self, b: &mut Block<T>, profile: impl Fn(T) -> (T, T)) {
+        match self.turns {
+            None => {
+                for i in 0..BLOCK {
+                    let d = self.straight([b.x[i], b.y[i], b.z[i]], &profile);
+                    subtract(b, i, d);
+                }
+            }
+            Some(turns) => {
+                for i in 0..BLOCK {
+                    let d = self.turned([b.x[i], b.y[i], b.z[i]], turns, &profile);
+                    subtract(b, i, d);
+                }
+            }
         }
     }
 
@@ -205,25 +229,42 @@ impl<T: Real> BrushKernel<T> {
         jacobian: &mut JacobianBlock<T>,
         profile: impl Fn(T) -> (T, T),
     ) {
-        let mut gradient = [[[T::default(); BLOCK]; 3]; 3];
-        for i in 0..BLOCK {
-            let (d, g) = self.displacement_with_gradient_by([b.x[i], b.y[i], b.z[i]], &profile);
-            for (to, from) in gradient.iter_mut().flatten().zip(g.into_iter().flatten()) {
-                to[i] = from;
-            }
-            b.x[i] -= d[0];
-            b.y[i] -= d[1];
-            b.z[i] -= d[2];
+        match self.turns {
+            None => displace_with_jacobian(b, jacobian, |p| self.straight_with_gradient(p, &profile)),
+            Some(turns) => displace_with_jacobian(b, jacobian, |p| self.turned_with_gradient(p, turns, &profile)),
         }
-        for column in jacobian.entry.chunks_exact_mut(3) {
-            let [x, y, z] = column else { continue };
-            for i in 0..BLOCK {
-                let before = [x[i], y[i], z[i]];
-                let moved = apply(&gradient.each_ref().map(|row| row.each_ref().map(|g| g[i])), before);
-                x[i] -= moved[0];
-                y[i] -= moved[1];
-                z[i] -= moved[2];
-            }
+    }
+}
+
+#[inline(always)]
+fn subtract<T: Real>(b: &mut Block<T>, i: usize, d: [T; 3]) {
+    b.x[i] -= d[0];
+    b.y[i] -= d[1];
+    b.z[i] -= d[2];
+}
+
+#[inline(always)]
+fn displace_with_jacobian<T: Real>(
+    b: &mut Block<T>,
+    jacobian: &mut JacobianBlock<T>,
+    with_gradient: impl Fn([T; 3]) -> ([T; 3], [[T; 3]; 3]),
+) {
+    let mut gradient = [[T::default(); BLOCK]; 9];
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = &mut gradient;
+    for i in 0..BLOCK {
+        let (d, [x, y, z]) = with_gradient([b.x[i], b.y[i], b.z[i]]);
+        [xx[i], xy[i], xz[i]] = x;
+        [yx[i], yy[i], yz[i]] = y;
+        [zx[i], zy[i], zz[i]] = z;
+        subtract(b, i, d);
+    }
+    for column in jacobian.entry.chunks_exact_mut(3) {
+        let [x, y, z] = column else { continue };
+        for i in 0..BLOCK {
+            let before = [x[i], y[i], z[i]];
+            x[i] -= xx[i] * before[0] + xy[i] * before[1] + xz[i] * before[2];
+            y[i] -= yx[i] * before[0] + yy[i] * before[1] + yz[i] * before[2];
+            z[i] -= zx[i] * before[0] + zy[i] * before[1] + zz[i] * before[2];
         }
     }
 }
