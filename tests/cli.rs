@@ -56,7 +56,7 @@ const PROJECT: &str = r#"{ "voxclay": 1, "document": {
 #[test]
 fn every_verb_has_help_with_an_example() {
     let dir = TempDir::new().unwrap();
-    for verb in ["info", "convert", "slice", "render", "export", "compare", "demo"] {
+    for verb in ["info", "convert", "slice", "render", "export", "surface", "compare", "demo"] {
         let out = voxclay(&dir, &[verb, "--help"]);
         assert_eq!(out.status.code(), Some(0));
         let text = String::from_utf8_lossy(&out.stdout).into_owned();
@@ -310,6 +310,36 @@ fn pictures_tell_of_the_mesh_they_are_cut_from() {
 }
 
 /// A certificate is written beside the volume, whatever made it, and names what is wrong.
+#[test]
+fn surface_writes_each_format_and_render_its_picture() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("p.voxclay"), PROJECT.replace("sphere", "gaussian")).unwrap();
+    for name in ["a.obj", "a.stl", "a.ply", "a.glb"] {
+        let made = json(&dir, &["surface", "phantom:gaussian:24", "--iso", "0.5", "-o", name]);
+        has_keys(&made, &["vertices", "triangles", "iso", "method"]);
+        has_keys(&made["ms"], &["spline", "mesh", "total"]);
+        assert!(exists(&dir, name));
+        if name != "a.glb" {
+            let facts = json(&dir, &["info", name]);
+            assert_eq!((&facts["closed"], &facts["manifold"]), (&Value::from(true), &Value::from(true)));
+            assert_eq!(facts["triangles"], made["triangles"]);
+        }
+    }
+    let cells = json(&dir, &["surface", "phantom:gaussian:24", "--method", "cells", "-o", "c.ply"]);
+    assert_eq!(cells["method"], "cells");
+    let fine = json(&dir, &["surface", "p.voxclay", "--iso", "0.5", "--refine", "0.02", "-o", "f.obj"]);
+    assert_eq!(fine["resampled"], true);
+    has_keys(&fine["refined"], &["levels", "left", "worst"]);
+    let drawn =
+        json(&dir, &["render", "p.voxclay", "--mode", "spline", "--iso", "0.5", "--size", "64x48", "-o", "p.png"]);
+    assert!(drawn["fragments"].as_u64().unwrap() > 100);
+    fails(&dir, &["surface", "phantom:gaussian:24", "--iso", "9", "-o", "n.ply"], &["no surface at 9", "0"]);
+    fails(&dir, &["surface", "phantom:gaussian:24", "-o", "n.nrrd"], &["n.nrrd", ".glb"]);
+    fails(&dir, &["surface", "phantom:gaussian:24", "--refine", "0", "-o", "n.ply"], &["--refine"]);
+    fails(&dir, &["render", "p.voxclay", "--mode", "spline", "--shading", "mip", "-o", "n.png"], &["iso"]);
+    assert!(!exists(&dir, "n.ply") && left_over(&dir).is_empty());
+}
+
 #[test]
 fn exports_are_certified() {
     let dir = TempDir::new().unwrap();
