@@ -56,11 +56,27 @@ const PROJECT: &str = r#"{ "voxclay": 1, "document": {
 #[test]
 fn every_verb_has_help_with_an_example() {
     let dir = TempDir::new().unwrap();
-    for verb in ["info", "convert", "slice", "render", "export", "surface", "compare", "demo"] {
+    for verb in ["app", "info", "convert", "slice", "render", "export", "surface", "compare", "demo"] {
         let out = voxclay(&dir, &[verb, "--help"]);
         assert_eq!(out.status.code(), Some(0));
         let text = String::from_utf8_lossy(&out.stdout).into_owned();
         assert!(text.contains("Example: voxclay"), "{verb}: {text}");
+    }
+}
+
+/// Where there is no display the modeller says so in a sentence that tells what works all the same.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_window_without_a_display_is_one_sentence() {
+    for args in [&["app"][..], &[]] {
+        let mut command = Command::cargo_bin("voxclay").unwrap();
+        for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+            command.env_remove(name);
+        }
+        let out = command.args(args).timeout(std::time::Duration::from_secs(60)).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(1), "{said}");
+        assert!(said.contains("voxclay demo") && !said.contains("panicked"), "{said}");
     }
 }
 
@@ -69,7 +85,6 @@ fn bad_usage_is_2() {
     let dir = TempDir::new().unwrap();
     for args in [
         &["frobnicate"][..],
-        &[],
         &["info"],
         &["render", "phantom:sphere:24", "--size", "0x10", "-o", "a.png"],
         &["render", "phantom:sphere:24", "--size", "10", "-o", "a.png"],
