@@ -11,6 +11,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::EvaluateError;
+use super::clip::clip;
 use super::load::Object;
 use crate::deform::{Blocks, Prepared};
 use crate::math::{BackwardMap, OrientedBox, PlaneFrame};
@@ -125,7 +126,9 @@ pub fn slices_with_warnings(
     let run = planes.count.div_ceil(8 * rayon::current_num_threads()).max(1);
     let starts: Vec<usize> = (0..planes.count).step_by(run).collect();
     let parts: Vec<Part> = starts.par_iter().map(|&first| maker.part(first..(first + run).min(planes.count))).collect();
-    Ok((join(parts, center, planes.step), warnings))
+    let mut geometry = join(parts, center, planes.step);
+    clip(&mut geometry, &object.clip);
+    Ok((geometry, warnings))
 }
 
 /// For each plane the sections of the boxes that may meet the object there.

@@ -10,7 +10,7 @@ use crate::io;
 use crate::mesh::check::slicing_defects;
 use crate::mesh::{self, Topology, TriMesh};
 use crate::render::{Camera, Field, TexelSlice};
-use crate::scene::{CameraSpec, Document, Placement, ProxySource, VolumeSource, read_embedded};
+use crate::scene::{CameraSpec, CutPlane, Document, Placement, ProxySource, VolumeSource, read_embedded};
 use crate::volume::phantom::Phantom;
 use crate::volume::pyramid::BLOCK;
 use crate::volume::statistics::{Histogram, histogram};
@@ -41,6 +41,8 @@ pub struct Object {
     /// Whether the mesh is more than the volume's box.
     pub shaped: bool,
     pub stack: Stack,
+    /// What is cut away from view, with unit normals.
+    pub clip: Vec<CutPlane>,
     /// Plain sentences for the user.
     pub warnings: Vec<String>,
 }
@@ -152,6 +154,7 @@ impl Workspace {
             topology,
             shaped,
             stack,
+            clip: document.clip.planes(&volume.grid.world_from_texture()),
             warnings,
         })
     }

@@ -6,6 +6,7 @@
 //! an export is worth, [`compare`] what each mode is.
 
 pub mod certificate;
+mod clip;
 pub mod compare;
 mod error;
 pub mod experiments;

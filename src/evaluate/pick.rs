@@ -137,7 +137,9 @@ impl<'a> Probe<'a> {
         let mut most: Option<(f64, f64)> = None;
         let mut t = first + 1e-9 * finest;
         while t <= last {
-            let value = if inside(t) { self.value(ray.at(t)) } else { None };
+            let point = ray.at(t);
+            let seen = inside(t) && object.clip.iter().all(|plane| plane.beyond(point) <= 0.0);
+            let value = if seen { self.value(point) } else { None };
             if let Some(value) = value {
                 match shading {
                     Shading::Iso { value: iso, .. } => {

@@ -19,6 +19,7 @@ use crate::math::parallel;
 use crate::mesh::TriMesh;
 use crate::mesh::contour::Contour;
 use crate::render::{Camera, Frame, Look, Picture, Projection, Shading, SliceGeometry, Stop};
+use crate::scene::CutPlane;
 use crate::spline::refine::{self, RefineReport};
 use crate::spline::{self, Crossing, Level, Ray, Spline, cells};
 use crate::volume::sampling::Interpolation;
@@ -237,6 +238,7 @@ pub(super) fn picture(
         },
         to_eye: camera.to_eye(),
         light: (camera.axes() * look.light).try_normalize().unwrap_or(camera.to_eye()),
+        clip: &object.clip,
     };
     let mut picture = Picture::filled(width, height, [0; 4]);
     let hits = parallel::chunks_mut(&mut picture.pixels, ROWS * width as usize, &|piece, pixels| {
@@ -297,6 +299,8 @@ struct Scene<'a> {
     eye: Option<DVec3>,
     to_eye: DVec3,
     light: DVec3,
+    /// What is cut away.
+    clip: &'a [CutPlane],
 }
 
 impl Scene<'_> {
@@ -309,18 +313,39 @@ impl Scene<'_> {
             origin: self.voxel_from_world.transform_point3(near),
             direction: self.voxel_from_world.transform_vector3(far - near),
         };
-        let (t, crossing) = self.level.first_hit(&ray, [0.0, 1.0])?;
+        let (range, cut_by) = self.unclipped(near, far)?;
+        let (t, crossing) = self.level.first_hit(&ray, range)?;
         let p = near + t * (far - near);
         let to_eye = self.eye.map_or(self.to_eye, |eye| (eye - p).normalize());
         // a gradient in the world
         let covariant = self.voxel_from_world.matrix3.transpose();
-        let gradient = match crossing {
-            Crossing::Start => self.cut(&ray, t),
-            _ => self.level.spline().gradient(ray.at(t)),
+        let normal = match (crossing, cut_by) {
+            (Crossing::Start, Some(plane)) if t <= range[0] => plane,
+            (Crossing::Start, _) => covariant * self.cut(&ray, t),
+            _ => covariant * self.level.spline().gradient(ray.at(t)),
         };
-        let normal = (covariant * gradient).try_normalize().unwrap_or(to_eye);
+        let normal = normal.try_normalize().unwrap_or(to_eye);
         let normal = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
         Some(self.shade(normal, to_eye))
+    }
+
+    /// The part of the way from `near` to `far` that no plane cuts away, and the normal of the plane it begins at.
+    fn unclipped(&self, near: DVec3, far: DVec3) -> Option<([f64; 2], Option<DVec3>)> {
+        let (mut range, mut normal) = ([0.0, 1.0], None);
+        for plane in self.clip {
+            let (a, b) = (plane.beyond(near), plane.beyond(far));
+            if a > 0.0 && b > 0.0 {
+                return None;
+            }
+            let at = a / (a - b);
+            if a > 0.0 && at > range[0] {
+                range[0] = at;
+                normal = Some(plane.normal);
+            } else if b > 0.0 {
+                range[1] = at.min(range[1]);
+            }
+        }
+        (range[0] < range[1]).then_some((range, normal))
     }
 
     /// A gradient where the ray comes into the domain: across the face it comes through, or towards the eye where the eye is

@@ -30,6 +30,8 @@ pub struct Document {
     pub transfer_function: Option<TransferFunction>,
     #[serde(default)]
     pub look: LookSpec,
+    #[serde(default, skip_serializing_if = "Clip::is_nothing")]
+    pub clip: Clip,
     #[serde(default)]
     pub camera: CameraSpec,
 }
@@ -50,6 +52,7 @@ impl Document {
             transfer: auto(),
             transfer_function: None,
             look: LookSpec::default(),
+            clip: Clip::default(),
             camera: CameraSpec::default(),
         }
     }
@@ -191,6 +194,69 @@ impl LookSpec {
             background: self.background.unwrap_or(Look::default().background),
             ..Look::default()
         }
+    }
+}
+
+/// What is cut away from view, so that one sees inside. It is a matter of looking: an export is not clipped.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Clip {
+    /// The part of the texture cube that is shown: from and to along each of its axes, 0 to 1. Beyond 0 and 1 nothing is cut,
+    /// so that what was pulled out of the cube stays.
+    pub region: [[f64; 2]; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane: Option<CutPlane>,
+}
+
+/// What lies on the side of the plane that the normal points to is cut away.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CutPlane {
+    /// In the deformed world.
+    pub point: DVec3,
+    /// Need not have unit length.
+    pub normal: DVec3,
+}
+
+impl Default for Clip {
+    fn default() -> Self {
+        Self { region: [[0.0, 1.0]; 3], plane: None }
+    }
+}
+
+impl Clip {
+    /// Whether everything is shown.
+    pub fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The planes of a volume's clipping, normals outwards, of unit length. Planes that are none cut nothing.
+    pub fn planes(&self, world_from_texture: &DAffine3) -> Vec<CutPlane> {
+        let mut planes = Vec::new();
+        for (axis, [lo, hi]) in self.region.iter().enumerate() {
+            // the face of the cube, as a gradient in the world
+            let normal = world_from_texture.matrix3.inverse().transpose().col(axis);
+            for (at, side, cuts) in [(*lo, -1.0, *lo > 0.0), (*hi, 1.0, *hi < 1.0)] {
+                if cuts {
+                    let mut t = DVec3::splat(0.5);
+                    t[axis] = at;
+                    planes.push(CutPlane { point: world_from_texture.transform_point3(t), normal: normal * side });
+                }
+            }
+        }
+        planes.extend(self.plane);
+        planes.retain_mut(|p| {
+            p.normal = p.normal.normalize_or_zero();
+            p.normal != DVec3::ZERO && p.point.is_finite()
+        });
+        planes
+    }
+}
+
+impl CutPlane {
+    /// How far a point lies beyond the plane, in world units (of a unit normal).
+    pub fn beyond(&self, p: DVec3) -> f64 {
+        (p - self.point).dot(self.normal)
     }
 }
 

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{CameraSpec, Document, LookSpec, Placement, ProxySource, VolumeSource};
+use super::{CameraSpec, Clip, Document, LookSpec, Placement, ProxySource, VolumeSource};
 use crate::deform::{Deformation, Stack};
 use crate::volume::transfer::TransferFunction;
 
@@ -33,6 +33,7 @@ pub enum Edit {
     SetTransfer(String),
     SetTransferFunction(#[serde(with = "text")] TransferFunction),
     SetLook(LookSpec),
+    SetClip(Clip),
     /// Not a step of the history: looking at something does not change it.
     SetCamera(CameraSpec),
 }
@@ -86,6 +87,7 @@ impl Edit {
             Self::SetTransfer(name) => format!("Transfer function {name}"),
             Self::SetTransferFunction(_) => "Edit the transfer function".to_owned(),
             Self::SetLook(_) => "Change the look".to_owned(),
+            Self::SetClip(_) => "Clip the view".to_owned(),
             Self::SetCamera(_) => "Look from elsewhere".to_owned(),
         }
     }
@@ -102,6 +104,7 @@ impl Edit {
             (Self::SetPlacement(_), Self::SetPlacement(_))
             | (Self::ReplaceAll(_), Self::ReplaceAll(_))
             | (Self::SetTransferFunction(_), Self::SetTransferFunction(_))
+            | (Self::SetClip(_), Self::SetClip(_))
             | (Self::SetLook(_), Self::SetLook(_)) => true,
             _ => false,
         }
@@ -148,6 +151,7 @@ impl Edit {
                 document.transfer_function = Some(t.clone());
             }
             Self::SetLook(look) => document.look = *look,
+            Self::SetClip(clip) => document.clip = *clip,
             Self::SetCamera(camera) => document.camera = *camera,
         }
         Ok(())

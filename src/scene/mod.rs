@@ -9,7 +9,7 @@ mod edit;
 mod history;
 mod project;
 
-pub use document::{CameraSpec, Document, LookSpec, Placement, ProxySource, ShadingSpec, VolumeSource};
+pub use document::{CameraSpec, Clip, CutPlane, Document, LookSpec, Placement, ProxySource, ShadingSpec, VolumeSource};
 pub use edit::{Edit, EditError};
 pub use history::{History, Step};
 pub use project::{Kept, Project, ProjectError, read_embedded, read_project, write_project};

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::{row, title, transfer};
 use crate::app::modeller::Modeller;
 use crate::app::theme;
-use crate::scene::{Edit, LookSpec, ShadingSpec};
+use crate::scene::{Clip, CutPlane, Edit, LookSpec, ShadingSpec};
 
 pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     let Some(desk) = &m.desk else { return };
@@ -55,7 +55,55 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     if look != before {
         m.edit(Edit::SetLook(look));
     }
+    clipping(m, ui, document.clip);
     transfer::show(m, ui, &document, &data);
+}
+
+/// A box along the volume's axes, and a plane that faces the eye when it is set.
+fn clipping(m: &mut Modeller, ui: &mut egui::Ui, before: Clip) {
+    let mut clip = before;
+    ui.separator();
+    title(ui, "Clipping");
+    for (axis, name) in ["Along i", "Along j", "Along k"].into_iter().enumerate() {
+        let [lo, hi] = &mut clip.region[axis];
+        row(ui, name, |ui, _| {
+            let step = |v: &mut f64, range: std::ops::RangeInclusive<f64>, what: &str| {
+                let drag = egui::DragValue::new(v).speed(0.004).range(range).fixed_decimals(3);
+                let response = ui.add(drag);
+                response
+                    .widget_info(|| egui::WidgetInfo::labeled(egui::Role::SpinButton, true, format!("{name}, {what}")));
+            };
+            let mut step = step;
+            step(lo, 0.0..=(*hi - 0.002).max(0.0), "from");
+            step(hi, (*lo + 0.002).min(1.0)..=1.0, "to");
+        });
+    }
+    row(ui, "Plane", |ui, _| {
+        let mut on = clip.plane.is_some();
+        if ui.checkbox(&mut on, "facing the eye").on_hover_text("Through the point that was clicked last").changed() {
+            let scene = crate::app::view::scene(m);
+            clip.plane = scene.filter(|_| on).map(|s| CutPlane { point: m.view.cursor, normal: s.camera.to_eye() });
+        }
+        if clip != before || !clip.is_nothing() {
+            if ui.button("Reset").on_hover_text("Show everything").clicked() {
+                clip = Clip::default();
+            }
+        }
+    });
+    if let Some(plane) = &mut clip.plane {
+        let radius = m.desk.as_ref().map_or(1.0, |d| d.data.focus.1);
+        row(ui, "Depth", |ui, id| {
+            let mut shift = 0.0;
+            let drag =
+                egui::DragValue::new(&mut shift).speed(0.005 * radius).custom_formatter(|_, _| "drag".to_owned());
+            if ui.add(drag).labelled_by(id).on_hover_text("Drag to move the plane").changed() {
+                plane.point -= plane.normal.normalize_or_zero() * shift;
+            }
+        });
+    }
+    if clip != before {
+        m.edit(Edit::SetClip(clip));
+    }
 }
 
 fn background(ui: &mut egui::Ui, look: &mut LookSpec) {
