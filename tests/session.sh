@@ -97,7 +97,7 @@ key ctrl+s; sleep 0.6
 key ctrl+a; text "$out/session.voxclay"; key Return
 shot saved 4
 key ctrl+e; shot export-panel 0.6
-drag 540 300 0 0
+click 1080 310; shot exported 4
 # one more stroke that is not saved, then the process is killed
 key g
 drag 500 400 50 -30
@@ -106,8 +106,10 @@ kill -9 $app
 sleep 0.5
 start "$out/session.voxclay"
 shot recovery 6
-key Escape
+click 800 434; shot recovered 6
 for file in "$out"/home/recovery/*.json; do [ -s "$file" ] || { echo "nothing was put aside"; exit 1; }; done
 [ -s "$out/session.voxclay" ] || { echo "the project was not saved"; exit 1; }
 "$voxclay" export "$out/session.voxclay" -o "$out/session.nrrd"
+cmp "$out/session.nrrd" "$out/session-sculpted.nrrd"
+echo "the window's export and the command line's are the same"
 echo "pictures in $out"

@@ -169,6 +169,8 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     }
     if ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
         m.view.cube = !m.view.cube;
+        // it is not for the next widget; where one has the focus already, this is not reached
+        m.tabbed = true;
     }
     if pressed(Key::M) {
         panels::toggle(&mut m.tree, Pane::Slices);

@@ -191,6 +191,8 @@ pub struct Modeller {
     pub(super) lost: Vec<(PathBuf, Aside)>,
     /// A pane that another one asked for.
     pub(super) wants_pane: Option<Pane>,
+    /// The Tab of this pass was for the view.
+    pub(super) tabbed: bool,
     pub(super) clipboard: Option<crate::deform::Stack>,
     pub(super) backend: Backend,
     home: Home,
@@ -287,6 +289,7 @@ impl Modeller {
             textures: Textures::default(),
             lost,
             wants_pane: None,
+            tabbed: false,
             clipboard: None,
             backend: start.backend,
             worker: Worker::new(ctx, start.backend),
@@ -522,6 +525,13 @@ impl Modeller {
         egui::CentralPanel::default()
             .frame(egui::Frame::NONE.fill(ui.visuals().extreme_bg_color))
             .show(ui, |ui| panels::show(self, ui));
+        if std::mem::take(&mut self.tabbed) {
+            ctx.memory_mut(|memory| {
+                if let Some(widget) = memory.focused() {
+                    memory.surrender_focus(widget);
+                }
+            });
+        }
         menu::question(self, &ctx);
         self.show_notices(&ctx);
         if self.show_trace {

@@ -414,7 +414,7 @@ fn menu(m: &mut Modeller, response: &Response) {
             && ui.button("Slices through this point").clicked()
         {
             m.view.cursor = hit.point;
-            super::panels::open(&mut m.tree, super::panels::Pane::Slices);
+            m.wants_pane = Some(super::panels::Pane::Slices);
             ui.close();
         }
         if ui.button("Undo").clicked() {

@@ -14,14 +14,13 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     row(ui, "A", |ui, _| ui.label(mode_name(m.view.mode)));
     row(ui, "B", |ui, _| {
         ui.vertical(|ui| {
-            for other in
-                [Other::Original, Other::Mode(Mode::Slicing), Other::Mode(Mode::SlicingExact), Other::Mode(Mode::Tets)]
-            {
+            let modes = [Mode::Slicing, Mode::SlicingExact, Mode::Tets, Mode::Spline].map(Other::Mode);
+            for other in std::iter::once(Other::Original).chain(modes) {
                 ui.radio_value(&mut m.view.other, other, other_name(other));
             }
         });
     });
-    row(ui, "Layout", |ui, _| {
+    ui.horizontal(|ui| {
         ui.selectable_value(&mut m.view.layout, Layout::Wipe, "Wipe");
         ui.selectable_value(&mut m.view.layout, Layout::SideBySide, "Side by side");
         ui.selectable_value(&mut m.view.layout, Layout::Difference, "Difference");
@@ -48,7 +47,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
         line(ui, "Picture, ms", format!("{:.1}", a.ms_draw), b.map(|b| format!("{:.1}", b.report.ms_draw)));
     });
     let Some(b) = b else {
-        ui.label(RichText::new("Switch two pictures on to see how far apart they are.").weak());
+        ui.label(RichText::new("Switch two pictures on to see\nhow far apart they are.").weak());
         return;
     };
     title(ui, "A against B");

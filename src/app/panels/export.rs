@@ -92,8 +92,8 @@ fn estimate(m: &Modeller, ui: &mut egui::Ui) {
         cell / (s * s * s)
     });
     let bytes = object.volume.samples.bytes().len() as f64 * factor;
-    let more = if m.panels.grow { " or a little more" } else { "" };
-    row(ui, "Size", |ui, _| ui.label(format!("{:.0} MB{more}, before compression", bytes / 1e6)));
+    let more = if m.panels.grow { "or a little more" } else { "" };
+    row(ui, "Size", |ui, _| ui.label(format!("{:.0} MB {more}", bytes / 1e6)).on_hover_text("Before compression"));
 }
 
 fn result(m: &Modeller, ui: &mut egui::Ui) {

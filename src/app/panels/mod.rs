@@ -8,7 +8,7 @@ mod object;
 mod transfer;
 
 use eframe::egui::{self, RichText};
-use egui_tiles::{Behavior, Container, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
+use egui_tiles::{Behavior, Container, SimplificationOptions, TabState, Tile, TileId, Tiles, Tree, UiResponse};
 use glam::DVec3;
 
 use super::modeller::Modeller;
@@ -165,24 +165,24 @@ impl Behavior<Pane> for Panes<'_> {
     }
 
     fn tab_title_for_pane(&mut self, pane: &Pane) -> egui::WidgetText {
-        pane.name().into()
+        // small, as all five tabs and their crosses share the inspector's width
+        RichText::new(pane.name()).size(12.0).into()
     }
 
     fn is_tab_closable(&self, tiles: &Tiles<Pane>, id: TileId) -> bool {
-        // the cross is only on the tab that is in front: five tabs need the room
-        let in_front = tiles.parent_of(id).and_then(|p| tiles.get_container(p)).is_some_and(|c| match c {
-            Container::Tabs(tabs) => tabs.active == Some(id),
-            _ => false,
-        });
-        in_front && matches!(tiles.get(id), Some(Tile::Pane(p)) if *p != Pane::View)
+        matches!(tiles.get(id), Some(Tile::Pane(p)) if *p != Pane::View)
     }
 
     fn close_button_outer_size(&self) -> f32 {
-        14.0
+        10.0
+    }
+
+    fn close_button_inner_margin(&self) -> f32 {
+        2.0
     }
 
     fn tab_title_spacing(&self, _: &egui::Visuals) -> f32 {
-        4.0
+        5.0
     }
 
     fn on_tab_close(&mut self, tiles: &mut Tiles<Pane>, id: TileId) -> bool {
@@ -205,6 +205,18 @@ impl Behavior<Pane> for Panes<'_> {
 
     fn simplification_options(&self) -> SimplificationOptions {
         SimplificationOptions { all_panes_must_have_tabs: false, ..SimplificationOptions::default() }
+    }
+
+    fn tab_text_color(&self, visuals: &egui::Visuals, _: &Tiles<Pane>, _: TileId, state: &TabState) -> egui::Color32 {
+        if state.active { visuals.strong_text_color() } else { visuals.weak_text_color() }
+    }
+
+    fn tab_bg_color(&self, visuals: &egui::Visuals, _: &Tiles<Pane>, _: TileId, state: &TabState) -> egui::Color32 {
+        if state.active { visuals.widgets.inactive.bg_fill } else { egui::Color32::TRANSPARENT }
+    }
+
+    fn tab_outline_stroke(&self, _: &egui::Visuals, _: &Tiles<Pane>, _: TileId, _: &TabState) -> egui::Stroke {
+        egui::Stroke::NONE
     }
 
     fn tab_bar_color(&self, visuals: &egui::Visuals) -> egui::Color32 {
