@@ -185,6 +185,8 @@ pub struct Modeller {
     pub sections: Option<Box<Sections>>,
     pub hover: Option<crate::evaluate::pick::Hit>,
     pub measure: Vec<DVec3>,
+    /// Of a pen, 0 to 1; 1 of a mouse.
+    pub pressure: f32,
     pub panels: PanelState,
     pub(super) tree: egui_tiles::Tree<Pane>,
     pub(super) textures: Textures,
@@ -284,6 +286,7 @@ impl Modeller {
             sections: None,
             hover: None,
             measure: Vec::new(),
+            pressure: 1.0,
             panels: PanelState::default(),
             tree: panels::tree(),
             textures: Textures::default(),

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use super::modeller::{Doing, Layout, Modeller};
 use super::navigate::{self, Projector, world_per_point};
 use super::overlay;
-use super::sculpt::{Made, Stroke, Tool, smoothed};
+use super::sculpt::{Hand, Made, Stroke, Tool, smoothed};
 use super::theme;
 use crate::deform::{Deformation, Deformer, Lattice};
 use crate::evaluate::load::Object;
@@ -143,6 +143,18 @@ fn pointer(m: &mut Modeller, ui: &egui::Ui, response: &Response, rect: Rect, sce
     let (modifiers, delta, at) = ctx.input(|i| (i.modifiers, i.pointer.delta(), i.pointer.latest_pos()));
     let at = at.unwrap_or(rect.center());
     let started = Instant::now();
+    // pens report how hard they are pressed as touches
+    let force = ctx.input(|i| {
+        i.events.iter().rev().find_map(|e| match e {
+            egui::Event::Touch { force, .. } => *force,
+            _ => None,
+        })
+    });
+    if let Some(force) = force {
+        m.pressure = force.clamp(0.05, 1.0);
+    } else if !ctx.input(|i| i.pointer.any_down()) {
+        m.pressure = 1.0;
+    }
 
     if let Doing::Radius { start, from } = m.doing {
         let scale = m.hover.map_or_else(
@@ -289,7 +301,8 @@ fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modi
             stroke.along = modifiers.shift;
             if let Some(desk) = &mut m.desk {
                 // numbers that make no deformation leave the last one
-                if let Ok(new) = stroke.make(&m.hand, desk.history.document()) {
+                let hand = Hand { strength: m.hand.strength * f64::from(m.pressure), ..m.hand };
+                if let Ok(new) = stroke.make(&hand, desk.history.document()) {
                     *made = new;
                     let mut document = (**desk.history.document()).clone();
                     document.stack.items.extend_from_slice(&made.items);
@@ -300,7 +313,7 @@ fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modi
         Doing::Smooth { .. } => {
             if let Some(hit) = pick(m, scene, rect, at) {
                 m.hover = Some(hit);
-                let (radius, amount) = (m.hand.radius, 0.12 * m.hand.strength);
+                let (radius, amount) = (m.hand.radius, 0.12 * m.hand.strength * f64::from(m.pressure));
                 if let Some(desk) = &mut m.desk
                     && let Some(document) = smoothed(desk.shown(), hit.point, radius, amount)
                 {
