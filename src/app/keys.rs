@@ -60,7 +60,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.undo();
     }
     if ctrl(Key::S, true) {
-        let word = m.desk.as_ref().map_or_else(String::new, |d| super::modeller::suggested(d, "voxclay"));
+        let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "voxclay"));
         m.question = Some(Question::Save { word, embed: false, then: After::Nothing });
     }
     if ctrl(Key::S, false) {
@@ -76,7 +76,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         panels::open(&mut m.tree, Pane::Export);
     }
     if ctrl(Key::P, false) {
-        let word = m.desk.as_ref().map_or_else(String::new, |d| super::modeller::suggested(d, "png"));
+        let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "png"));
         m.question = Some(Question::Screenshot { word, transparent: false });
     }
     if ctrl(Key::Q, false) {

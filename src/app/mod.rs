@@ -13,12 +13,15 @@
 //! [`Modeller`] is the whole program but for its window, so that tests can drive it; [`run`] opens the window. The tools are
 //! pure ([`sculpt`], [`navigate`]); panels read the modeller and push edits.
 
+mod asking;
+mod desk;
 mod keys;
 mod menu;
 mod modeller;
 pub mod navigate;
 mod overlay;
 mod panels;
+mod questions;
 pub mod recovery;
 pub mod sculpt;
 pub mod settings;
@@ -31,5 +34,6 @@ mod view;
 mod window;
 pub mod worker;
 
+pub use desk::Desk;
 pub use modeller::{After, Modeller, Start};
 pub use window::run;

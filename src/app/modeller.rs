@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 use eframe::egui::{self, Color32, Panel, RichText, TextureHandle, TextureOptions, Vec2};
 use glam::DVec3;
 
+use super::asking::Wanted;
+use super::desk::{Desk, suggested, thumbnail};
 use super::panels::{self, Pane, PanelState};
 use super::recovery::{self, Aside, Recovery};
 use super::sculpt::{Hand, Made, Stroke, Tool};
@@ -12,9 +14,8 @@ use super::settings::{Home, Settings, ThemeChoice};
 use super::tasks::{self, Loaded, Outcome, Purpose, Task};
 use super::trace::Trace;
 use super::turntable::Turntable;
-use super::worker::{News, Other, Sections, Shown, Want, Worker};
-use super::{keys, menu, theme, view};
-use crate::evaluate::load::{Data, Object};
+use super::worker::{News, Other, Sections, Shown, Worker};
+use super::{keys, menu, questions, theme, view};
 use crate::evaluate::picture::{Backend, Mode, Refinement, ViewOptions};
 use crate::scene::{Document, Edit, History, VolumeSource};
 
@@ -38,45 +39,6 @@ pub const FIRST: &str = "phantom:head:192";
 
 /// Pause after which a movement counts as over.
 pub const REST: Duration = Duration::from_millis(110);
-
-/// The document that is open, with its samples.
-pub struct Desk {
-    pub history: History,
-    /// The project file.
-    pub path: Option<PathBuf>,
-    /// Folder that relative paths start from.
-    pub base: PathBuf,
-    pub data: Arc<Data>,
-    /// The newest that the worker made, and the document it is of.
-    pub object: Option<(Arc<Document>, Arc<Object>)>,
-    /// What is shown while a stroke is under way, before it is a step.
-    pub preview: Option<Arc<Document>>,
-}
-
-impl Desk {
-    /// What is to be seen.
-    pub fn shown(&self) -> &Arc<Document> {
-        self.preview.as_ref().unwrap_or(self.history.document())
-    }
-
-    pub fn title(&self) -> String {
-        let name = match (&self.path, &self.history.document().volume) {
-            (Some(path), _) | (None, VolumeSource::File(path) | VolumeSource::Embedded(path)) => {
-                path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
-            }
-            (None, VolumeSource::Phantom { name, .. }) => format!("{name} (built in)"),
-        };
-        format!("{}{name}", if self.history.is_dirty() { "* " } else { "" })
-    }
-
-    /// The unit of world coordinates.
-    pub fn unit(&self) -> &'static str {
-        match self.data.volume.grid.space {
-            crate::volume::Space::Unknown => "units",
-            _ => "mm",
-        }
-    }
-}
 
 /// How two pictures are laid against each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -198,14 +160,14 @@ pub struct Modeller {
     pub(super) clipboard: Option<crate::deform::Stack>,
     pub(super) backend: Backend,
     home: Home,
-    worker: Worker,
-    recovery: Recovery,
+    pub(super) worker: Worker,
+    pub(super) recovery: Recovery,
     /// When the picture on screen last became out of date.
-    moved: Instant,
-    wanted: Option<Wanted>,
+    pub(super) moved: Instant,
+    pub(super) wanted: Option<Wanted>,
     /// Recovery holds this document.
-    aside: Option<Arc<Document>>,
-    size: (u32, u32),
+    pub(super) aside: Option<Arc<Document>>,
+    pub(super) size: (u32, u32),
     then: After,
     quitting: bool,
     titled: String,
@@ -220,34 +182,6 @@ pub struct Textures {
     pub sections: [Option<TextureHandle>; 3],
     /// What the sections' textures were coloured with.
     pub window: [f64; 2],
-}
-
-/// What was asked of the worker last.
-struct Wanted {
-    key: Key,
-    moving: bool,
-}
-
-#[derive(Clone)]
-struct Key {
-    document: Arc<Document>,
-    size: (u32, u32),
-    mode: Mode,
-    other: Option<Other>,
-    sections: Option<(DVec3, usize)>,
-    growth: bool,
-    tessellation: bool,
-    dark: bool,
-    data: Arc<Data>,
-}
-
-impl Key {
-    fn same(&self, k: &Self) -> bool {
-        (Arc::ptr_eq(&self.document, &k.document) || self.document == k.document)
-            && Arc::ptr_eq(&self.data, &k.data)
-            && (self.size, self.mode, self.other, self.sections, self.growth, self.tessellation, self.dark)
-                == (k.size, k.mode, k.other, k.sections, k.growth, k.tessellation, k.dark)
-    }
 }
 
 impl Modeller {
@@ -535,7 +469,7 @@ impl Modeller {
                 }
             });
         }
-        menu::question(self, &ctx);
+        questions::show(self, &ctx);
         self.show_notices(&ctx);
         if self.show_trace {
             menu::trace(self, &ctx);
@@ -715,75 +649,6 @@ impl Modeller {
         }
     }
 
-    /// Asks the worker for what is to be seen, coarse while it changes.
-    fn ask(&mut self, ctx: &egui::Context) {
-        let Some(desk) = &self.desk else { return };
-        let dark = ctx.theme() == egui::Theme::Dark;
-        let key = Key {
-            document: desk.shown().clone(),
-            size: self.size,
-            mode: self.view.mode,
-            other: self.view.compare.then_some(self.view.other),
-            sections: panels::is_open(&self.tree, Pane::Slices).then_some((self.view.cursor, 256)),
-            growth: self.view.growth,
-            tessellation: self.view.tessellation && self.view.overlays,
-            dark,
-            data: desk.data.clone(),
-        };
-        if key.size.0 < 8 || key.size.1 < 8 {
-            return;
-        }
-        let changed = self.wanted.as_ref().is_none_or(|w| !w.key.same(&key));
-        if changed {
-            self.moved = Instant::now();
-        }
-        // what is held still for a moment is worth a better picture, even with the button down
-        let held = ctx.input(|i| i.pointer.any_down());
-        let moving = if changed { held || self.wanted.is_some() } else { self.moved.elapsed() < REST };
-        let refine = !moving && self.wanted.as_ref().is_some_and(|w| w.moving);
-        if changed || refine {
-            self.worker.want(Want {
-                data: key.data.clone(),
-                base: desk.base.clone(),
-                document: key.document.clone(),
-                size: key.size,
-                mode: key.mode,
-                other: key.other,
-                moving,
-                budget: self.settings.preview_ms,
-                sections: key.sections,
-                growth: key.growth,
-                tessellation: key.tessellation,
-                ground: theme::view_ground(dark),
-            });
-            self.wanted = Some(Wanted { key, moving });
-        }
-        if moving {
-            ctx.request_repaint_after(REST);
-        }
-    }
-
-    /// Unsaved work is put aside after a short rest.
-    fn put_aside(&mut self, ctx: &egui::Context) {
-        let Some(desk) = &self.desk else { return };
-        let document = desk.history.document();
-        if self.aside.as_ref().is_some_and(|a| Arc::ptr_eq(a, document)) {
-            return;
-        }
-        if !desk.history.is_dirty() {
-            self.recovery.clear();
-            self.aside = Some(document.clone());
-            return;
-        }
-        let rest = Duration::from_secs_f32(self.settings.autosave_seconds.clamp(0.2, 600.0));
-        if self.moved.elapsed() >= rest {
-            self.recovery.keep(document, desk.path.as_deref(), &desk.base);
-            self.aside = Some(document.clone());
-        } else {
-            ctx.request_repaint_after(rest.saturating_sub(self.moved.elapsed()));
-        }
-    }
-
     fn retitle(&mut self, ctx: &egui::Context) {
         let title = self.desk.as_ref().map_or_else(|| "Voxclay".to_owned(), |d| format!("{} – Voxclay", d.title()));
         if title != self.titled {
@@ -836,36 +701,9 @@ impl Modeller {
     }
 }
 
-/// A name beside the file that is open.
-pub fn suggested(desk: &Desk, extension: &str) -> String {
-    let from = match (&desk.path, &desk.history.document().volume) {
-        (Some(path), _) => path.clone(),
-        (None, VolumeSource::File(p) | VolumeSource::Embedded(p)) => desk.base.join(p),
-        (None, VolumeSource::Phantom { name, .. }) => PathBuf::from(name),
-    };
-    // `.nii.gz` is one ending
-    let stem = from.file_stem().map(PathBuf::from).unwrap_or_default();
-    let stem = stem.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let name = format!("{stem}-sculpted.{extension}");
-    let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).map(Path::to_path_buf);
-    folder.map_or(name.clone(), |f| f.join(&name).to_string_lossy().into_owned())
-}
-
 fn put(ctx: &egui::Context, slot: &mut Option<TextureHandle>, name: &str, image: &Arc<egui::ColorImage>) {
     match slot {
         Some(texture) => texture.set(image.clone(), TextureOptions::LINEAR),
         None => *slot = Some(ctx.load_texture(name, image.clone(), TextureOptions::LINEAR)),
     }
-}
-
-/// At most 256 pixels along the longer side.
-fn thumbnail(image: &egui::ColorImage) -> Option<Vec<u8>> {
-    let [w, h] = image.size;
-    let longest = w.max(h).max(1);
-    let (tw, th) = ((w * 256 / longest).max(1), (h * 256 / longest).max(1));
-    let pixels = (0..th)
-        .flat_map(|y| (0..tw).map(move |x| (x, y)))
-        .map(|(x, y)| image.pixels[(y * h / th) * w + x * w / tw].to_srgba_unmultiplied())
-        .collect();
-    crate::render::Picture { width: tw as u32, height: th as u32, pixels }.png().ok()
 }

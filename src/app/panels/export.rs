@@ -4,7 +4,8 @@ use eframe::egui::{self, RichText};
 use glam::DVec3;
 
 use super::{row, title};
-use crate::app::modeller::{Modeller, suggested};
+use crate::app::desk::suggested;
+use crate::app::modeller::Modeller;
 use crate::app::tasks::{ExportJob, ExportMode, Purpose, typed_path};
 use crate::app::theme;
 use crate::evaluate::export::{ExportOptions, GridChoice};
