@@ -235,8 +235,7 @@ fn the_panel_exports_what_the_command_line_does() {
     h.step();
     m(&mut h).panels.export_path = by_hand.to_string_lossy().into_owned();
     h.step();
-    // the tab and the button have one name
-    h.get_all_by_label("Export").last().unwrap().click();
+    h.get_by_label("Export volume").click();
     h.step();
     h.step();
     until(&mut h, "the export", |m| m.panels.exported.is_some());

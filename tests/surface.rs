@@ -10,8 +10,11 @@ use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOption
 use voxclay::evaluate::surface::{Method, SurfaceOptions, surface};
 use voxclay::math::BackwardMap;
 use voxclay::mesh::check::MeshReport;
-use voxclay::render::{Look, Shading, psnr};
+use voxclay::render::{Look, Shading};
 use voxclay::scene::{CameraSpec, Document, VolumeSource};
+
+mod pictures;
+use pictures::difference;
 
 /// exp(-|p|^2 / 2 s^2) in millimetres, with s a sixth of the side.
 const SIGMA: f64 = 100.0 / 6.0;
@@ -95,7 +98,7 @@ fn pictures_agree_with_those_of_slices() {
         let object = load(&document, Path::new("")).unwrap();
         for fov_y in [Some(30.0), None] {
             let (ours, slices) = (shot(&object, Mode::Spline, fov_y), shot(&object, Mode::SlicingExact, fov_y));
-            let alike = psnr(&ours, &slices);
+            let alike = difference(&ours, &slices).psnr;
             assert!(alike > 30.0, "{alike}");
         }
     }

@@ -155,6 +155,8 @@ pub struct Modeller {
     pub(super) lost: Vec<(PathBuf, Aside)>,
     /// A pane that another one asked for.
     pub(super) wants_pane: Option<Pane>,
+    /// Of all panes, in the last pass.
+    pub(super) width: f32,
     /// The Tab of this pass was for the view.
     pub(super) tabbed: bool,
     pub(super) clipboard: Option<crate::deform::Stack>,
@@ -226,6 +228,7 @@ impl Modeller {
             textures: Textures::default(),
             lost,
             wants_pane: None,
+            width: 1360.0 - theme::TOOL_BAR,
             tabbed: false,
             clipboard: None,
             backend: start.backend,

@@ -66,7 +66,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
         ui.colored_label(theme::ERROR, "The name must end in .nrrd .nhdr .nii .nii.gz .mha .mhd or .raw");
     }
     ui.horizontal(|ui| {
-        if ui.add_enabled(known, egui::Button::new("Export")).clicked() {
+        if ui.add_enabled(known, egui::Button::new("Export volume")).clicked() {
             let job = ExportJob {
                 path: path.clone(),
                 mode: m.panels.export_mode,

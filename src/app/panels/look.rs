@@ -115,7 +115,7 @@ fn background(ui: &mut egui::Ui, look: &mut LookSpec) {
         }
         if let Some([top, bottom]) = &mut look.background {
             for (name, c) in [("Background, top", top), ("Background, bottom", bottom)] {
-                let response = ui.color_edit_button_rgb(c);
+                let response = super::color(ui, c);
                 response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ColorWell, true, name));
             }
         }

@@ -129,7 +129,25 @@ pub fn open(tree: &mut Tree<Pane>, pane: Pane) {
     }
 }
 
+/// When the window gets wider or narrower, the view does, not the inspector.
+fn keep_inspector(m: &mut Modeller, width: f32) {
+    let before = std::mem::replace(&mut m.width, width);
+    if before == width || before <= 0.0 || width < 2.0 * theme::INSPECTOR {
+        return;
+    }
+    let Some(root) = m.tree.root() else { return };
+    if let Some(Tile::Container(Container::Linear(linear))) = m.tree.tiles.get_mut(root)
+        && let [left, right] = linear.children[..]
+    {
+        let part = linear.shares[right] / (linear.shares[left] + linear.shares[right]);
+        let kept = (part * before).clamp(120.0, 0.5 * width);
+        linear.shares.set_share(left, width - kept);
+        linear.shares.set_share(right, kept);
+    }
+}
+
 pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
+    keep_inspector(m, ui.available_width());
     let mut tree = std::mem::replace(&mut m.tree, Tree::empty(egui::Id::unique("panes")));
     let mut panes = Panes { m, commands: Vec::new() };
     tree.ui(&mut panes, ui);
@@ -260,6 +278,16 @@ pub(super) fn row<R>(ui: &mut egui::Ui, name: &str, add: impl FnOnce(&mut egui::
 /// A number with its unit.
 pub(super) fn number(ui: &mut egui::Ui, label: egui::Id, value: &mut f64, speed: f64, suffix: &str) -> egui::Response {
     ui.add(egui::DragValue::new(value).speed(speed).max_decimals(3).suffix(suffix)).labelled_by(label)
+}
+
+/// A colour. It is only written where it was changed: on its way through other colour spaces it is rounded.
+pub(super) fn color(ui: &mut egui::Ui, color: &mut [f32; 3]) -> egui::Response {
+    let mut edited = *color;
+    let response = ui.color_edit_button_rgb(&mut edited);
+    if response.changed() {
+        *color = edited;
+    }
+    response
 }
 
 /// Three numbers of a vector, in the colours of the axes.

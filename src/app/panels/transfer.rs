@@ -89,7 +89,7 @@ fn point(m: &mut Modeller, ui: &mut egui::Ui, function: &mut TransferFunction, [
         }
         let response = ui.add(egui::DragValue::new(&mut p.opacity).speed(0.002).range(0.0..=1.0).max_decimals(4));
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::SpinButton, true, "Opacity of the point"));
-        let response = ui.color_edit_button_rgb(&mut p.color);
+        let response = super::color(ui, &mut p.color);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ColorWell, true, "Colour of the point"));
     });
 }
