@@ -98,7 +98,7 @@ pub fn found(home: &Home) -> Vec<(PathBuf, Aside)> {
             (!is_running(aside.process)).then_some((time, p, aside))
         })
         .collect();
-    found.sort_by(|a, b| b.0.cmp(&a.0));
+    found.sort_by_key(|(time, ..)| std::cmp::Reverse(*time));
     found.into_iter().map(|(_, path, aside)| (path, aside)).collect()
 }
 

@@ -35,7 +35,7 @@ impl Picture {
             let opacity: u32 = four.iter().map(|p| p[3]).sum();
             let color = |c: usize| {
                 let sum: u32 = four.iter().map(|p| p[c] * p[3]).sum();
-                if opacity == 0 { 0 } else { ((sum + opacity / 2) / opacity) as u8 }
+                (sum + opacity / 2).checked_div(opacity).unwrap_or(0) as u8
             };
             [color(0), color(1), color(2), ((opacity + 2) / 4) as u8]
         };

@@ -160,6 +160,9 @@ fn details(ui: &mut egui::Ui, item: &Deformation, unit: &str) -> Option<Deformat
     (new != *item).then_some(new)
 }
 
+/// A displacement over the unit cube, about its middle.
+type Bend = fn(DVec3) -> DVec3;
+
 /// A deformer with the numbers that were typed, if they make one.
 fn numbers(ui: &mut egui::Ui, deformer: &Deformer, suffix: &str) -> Option<Deformer> {
     match deformer {
@@ -199,7 +202,7 @@ fn numbers(ui: &mut egui::Ui, deformer: &Deformer, suffix: &str) -> Option<Defor
             row(ui, "Largest pull", |ui, _| ui.label(format!("{largest:.1}{suffix}")));
             ui.horizontal(|ui| {
                 let mut made = None;
-                let shapes: [(&str, fn(DVec3) -> DVec3); 3] = [
+                let shapes: [(&str, Bend); 3] = [
                     ("Bend", |p| DVec3::new(0.35 * (p.z * p.z - 0.3), 0.0, -0.3 * p.x * p.z)),
                     ("Taper", |p| DVec3::new(0.3 * p.x * p.z, 0.3 * p.y * p.z, 0.0)),
                     ("Twist", |p| DVec3::new(-0.35 * p.y * p.z, 0.35 * p.x * p.z, 0.0)),

@@ -84,10 +84,8 @@ fn clipping(m: &mut Modeller, ui: &mut egui::Ui, before: Clip) {
             let scene = crate::app::view::scene(m);
             clip.plane = scene.filter(|_| on).map(|s| CutPlane { point: m.view.cursor, normal: s.camera.to_eye() });
         }
-        if clip != before || !clip.is_nothing() {
-            if ui.button("Reset").on_hover_text("Show everything").clicked() {
-                clip = Clip::default();
-            }
+        if !clip.is_nothing() && ui.button("Reset").on_hover_text("Show everything").clicked() {
+            clip = Clip::default();
         }
     });
     if let Some(plane) = &mut clip.plane {
