@@ -60,7 +60,7 @@ text() { xdotool type --delay 12 "$1"; sleep 0.3; }
 start "$volume"
 shot opened 6
 # the shape in the texture cube: the hull, moved a little along an arrow, and back
-click 1085 52; shot object-panel 0.6
+click 1058 52; shot object-panel 0.6
 key Tab; shot texture-cube
 key ctrl+z; key Tab
 # pull the jaw, then twist
@@ -75,8 +75,8 @@ shot undone-twice
 key ctrl+shift+z
 shot redone
 # the transfer function
-click 1205 52; shot look-panel 0.6
-drag 1180 560 20 -30
+click 1180 52; shot look-panel 0.6
+drag 1180 640 20 -30
 shot transfer-edited
 # modes, and one against another
 key 2; shot exact 3

@@ -49,9 +49,11 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     if ctx.egui_wants_keyboard_input() {
         return;
     }
+    // the event's own modifiers count: Shift may be up again by the end of the pass. With Shift comes first, as a pattern
+    // without it matches both
     let ctrl = |key: Key, shift: bool| {
         let modifiers = if shift { Modifiers::COMMAND | Modifiers::SHIFT } else { Modifiers::COMMAND };
-        ctx.input_mut(|i| i.modifiers.shift == shift && i.consume_key(modifiers, key))
+        ctx.input_mut(|i| i.consume_key(modifiers, key))
     };
     if ctrl(Key::Z, true) || ctrl(Key::Y, false) {
         m.redo();

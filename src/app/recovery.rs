@@ -111,6 +111,9 @@ fn is_running(process: u32) -> bool {
     if process == std::process::id() {
         return true;
     }
-    let name = std::fs::read_to_string(format!("/proc/{process}/comm"));
-    name.is_ok_and(|n| n.trim().starts_with("voxclay"))
+    // number (name) state ...; one that was killed may wait to be buried by its parent
+    let Ok(stat) = std::fs::read_to_string(format!("/proc/{process}/stat")) else { return false };
+    let Some((name, rest)) = stat.rsplit_once(')') else { return false };
+    let dead = matches!(rest.trim_start().chars().next(), Some('Z' | 'X') | None);
+    !dead && name.contains("(voxclay")
 }

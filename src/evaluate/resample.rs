@@ -37,7 +37,7 @@ pub fn export(object: &Object, options: &ExportOptions, backend: Backend) -> Res
 /// The same with progress, which can stop it (not while the GPU fills).
 ///
 /// # Errors
-/// As [`export`], and if it was stopped.
+/// As [`export()`], and if it was stopped.
 pub fn export_watched(
     object: &Object,
     options: &ExportOptions,
