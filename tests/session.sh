@@ -62,7 +62,7 @@ shot opened 6
 # the shape in the texture cube: the hull, moved a little along an arrow, and back
 click 1058 52; shot object-panel 0.6
 key Tab; shot texture-cube
-key ctrl+z; key Tab
+key Tab
 # pull the jaw, then twist
 key g
 held=pulling drag 500 590 -70 45
@@ -106,7 +106,7 @@ kill -9 $app
 sleep 0.5
 start "$out/session.voxclay"
 shot recovery 6
-click 800 434; shot recovered 6
+click 560 430; shot recovered 6
 for file in "$out"/home/recovery/*.json; do [ -s "$file" ] || { echo "nothing was put aside"; exit 1; }; done
 [ -s "$out/session.voxclay" ] || { echo "the project was not saved"; exit 1; }
 "$voxclay" export "$out/session.voxclay" -o "$out/session.nrrd"
