@@ -44,12 +44,11 @@ use glam::{DAffine3, DVec3};
 use crate::deform::{Framed, Prepared};
 use crate::math::{BackwardMap, Identity};
 use crate::volume::fetch::Fetch;
-use crate::volume::sampling::{Interpolation, Sampler};
+use crate::volume::sampling::Interpolation;
 use crate::volume::statistics::{Statistics, statistics, stored_statistics};
 use crate::volume::{Grid, GridError, Samples, Volume};
 use crate::with_samples;
 pub use grid::GridChoice;
-use grid::{Frame, Span};
 pub use plan::{output_grid, stored_outside};
 use run::{Job, Watch};
 use shift::{Block, EDGE, Supports};
@@ -226,22 +225,10 @@ fn typed<T: Fetch, E: From<ExportError>>(
         return Err(ExportError::TooLarge { voxels: base.len() as u64, limit: options.limit }.into());
     }
     let framed = map.in_frame(&input.world_from_voxel);
-    let mut job = Job {
-        input,
-        boxes: &boxes,
-        sampler: Sampler::new(samples, input.dims, volume.channels),
-        map,
-        framed: framed.as_ref(),
-        frame: Frame::new(input, &base),
-        supports: Supports::new(&base, &boxes),
-        interpolation: options.interpolation,
-        precision: options.precision,
-        outside: vec![T::from_f64(outside); volume.channels],
-    };
+    let mut job = Job::new(volume, samples, (map, framed.as_ref(), &boxes), &base, options, outside);
     let mut output = base;
     if options.grid.grows() {
-        let candidate = Span::of(&base).hull(grid::reached(input, &base, &boxes));
-        output = grid::cut(&base, &beyond::grow(&job, &base, candidate, options.limit)?)?;
+        output = job.grown(&base, options.limit)?;
         job = job.on(&output);
     }
 

@@ -1,11 +1,9 @@
 //! What an export would start from, for those who fill the grid in another way: its grid and its outside value.
 
-use super::grid::{self, Frame, Span};
+use super::grid;
 use super::run::Job;
-use super::shift::Supports;
-use super::{ExportError, ExportMap, ExportOptions, beyond};
+use super::{ExportError, ExportMap, ExportOptions};
 use crate::volume::fetch::Fetch;
-use crate::volume::sampling::Sampler;
 use crate::volume::statistics::{Statistics, stored_statistics};
 use crate::volume::{Grid, Volume};
 use crate::with_samples;
@@ -34,23 +32,10 @@ fn grown<T: Fetch>(
     base: Grid,
     outside: f64,
 ) -> Result<Grid, ExportError> {
-    let input = &volume.grid;
     let boxes = map.supports();
-    let framed = map.in_frame(&input.world_from_voxel);
-    let job = Job {
-        input,
-        boxes: &boxes,
-        sampler: Sampler::new(samples, input.dims, volume.channels),
-        map,
-        framed: framed.as_ref(),
-        frame: Frame::new(input, &base),
-        supports: Supports::new(&base, &boxes),
-        interpolation: options.interpolation,
-        precision: options.precision,
-        outside: vec![T::from_f64(outside); volume.channels],
-    };
-    let candidate = Span::of(&base).hull(grid::reached(input, &base, &boxes));
-    grid::cut(&base, &beyond::grow(&job, &base, candidate, options.limit)?)
+    let framed = map.in_frame(&volume.grid.world_from_voxel);
+    let job = Job::new(volume, samples, (map, framed.as_ref(), &boxes), &base, options, outside);
+    job.grown(&base, options.limit)
 }
 
 /// The stored value beyond the input, not yet rounded to the sample type: of the given real value, or by default the lowest

@@ -7,15 +7,15 @@ use std::sync::{Mutex, PoisonError};
 use crate::math::parallel;
 use glam::DVec3;
 
-use super::grid::{Frame, Link, Span};
+use super::grid::{self, Frame, Link, Span};
 use super::kernel::{Counted, LARGEST_EDGE, Points, ROW, ROWS, Rows, Scratch, Window, shift};
 use super::shift::{Block, EDGE, Shifts, Supports};
-use super::{ExportError, ExportMap, Precision, Progress};
+use super::{ExportError, ExportMap, ExportOptions, Precision, Progress, beyond};
 use crate::deform::{Framed, Near};
 use crate::math::OrientedBox;
-use crate::volume::Grid;
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
+use crate::volume::{Grid, Volume};
 
 /// A displacement from which a voxel counts as moved, in voxels of the input.
 pub(super) const MOVED: f64 = 1e-3;
@@ -78,6 +78,38 @@ pub(super) struct Job<'a, T> {
     pub precision: Precision,
     /// One value for each channel.
     pub outside: Vec<T>,
+}
+
+impl<'a, T: Fetch> Job<'a, T> {
+    /// A job on `base`, a grid that has not grown yet; `outside` as stored, not yet rounded.
+    pub fn new(
+        volume: &'a Volume,
+        samples: &'a [T],
+        (map, framed, boxes): (&'a dyn ExportMap, Option<&'a Framed>, &'a [OrientedBox]),
+        base: &Grid,
+        options: &ExportOptions,
+        outside: f64,
+    ) -> Self {
+        let input = &volume.grid;
+        Self {
+            input,
+            boxes,
+            sampler: Sampler::new(samples, input.dims, volume.channels),
+            map,
+            framed,
+            frame: Frame::new(input, base),
+            supports: Supports::new(base, boxes),
+            interpolation: options.interpolation,
+            precision: options.precision,
+            outside: vec![T::from_f64(outside); volume.channels],
+        }
+    }
+
+    /// The grid grown to hold what was pulled out of `base`.
+    pub fn grown(&self, base: &Grid, limit: u64) -> Result<Grid, ExportError> {
+        let candidate = Span::of(base).hull(grid::reached(self.input, base, self.boxes));
+        grid::cut(base, &beyond::grow(self, base, candidate, limit)?)
+    }
 }
 
 /// The arrays of one thread.
