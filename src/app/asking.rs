@@ -99,8 +99,9 @@ impl Modeller {
             return;
         }
         if !desk.history.is_dirty() {
-            self.recovery.clear();
-            self.aside = Some(document.clone());
+            if self.aside.take().is_some() {
+                self.recovery.clear();
+            }
             return;
         }
         let rest = Duration::from_secs_f32(self.settings.autosave_seconds.clamp(0.2, 600.0));

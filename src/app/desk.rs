@@ -28,9 +28,7 @@ impl Desk {
 
     pub fn title(&self) -> String {
         let name = match (&self.path, &self.history.document().volume) {
-            (Some(path), _) | (None, VolumeSource::File(path) | VolumeSource::Embedded(path)) => {
-                path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
-            }
+            (Some(path), _) | (None, VolumeSource::File(path) | VolumeSource::Embedded(path)) => file_name(path),
             (None, VolumeSource::Phantom { name, .. }) => format!("{name} (built in)"),
         };
         format!("{}{name}", if self.history.is_dirty() { "* " } else { "" })
@@ -43,6 +41,11 @@ impl Desk {
             _ => "mm",
         }
     }
+}
+
+/// The last part of a path, to be shown.
+pub fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
 /// A name beside the file that is open.

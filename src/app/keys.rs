@@ -62,8 +62,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.undo();
     }
     if ctrl(Key::S, true) {
-        let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "voxclay"));
-        m.question = Some(Question::Save { word, embed: false, then: After::Nothing });
+        m.ask_save_as(After::Nothing);
     }
     if ctrl(Key::S, false) {
         m.save(ctx, After::Nothing);
@@ -78,8 +77,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         panels::open(&mut m.tree, Pane::Export);
     }
     if ctrl(Key::P, false) {
-        let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "png"));
-        m.question = Some(Question::Screenshot { word, transparent: false });
+        m.ask_screenshot();
     }
     if ctrl(Key::Q, false) {
         m.quit(ctx);
@@ -108,20 +106,8 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     if command {
         return;
     }
-    let tools = [
-        (Key::G, Tool::Grab),
-        (Key::D, Tool::Push),
-        (Key::P, Tool::Pinch),
-        (Key::I, Tool::Inflate),
-        (Key::T, Tool::Twist),
-        (Key::S, Tool::Smooth),
-        (Key::L, Tool::Lattice),
-        (Key::O, Tool::Place),
-        (Key::V, Tool::Pick),
-        (Key::R, Tool::Measure),
-    ];
-    for (key, tool) in tools {
-        if pressed(key) {
+    for tool in Tool::ALL {
+        if Key::from_name(tool.key()).is_some_and(pressed) {
             m.set_tool(tool);
         }
     }

@@ -1,8 +1,9 @@
-//! The bars round the view, and the questions that are asked.
+//! The bars round the view.
 
 use eframe::egui::{self, Align, Layout as Flow, RichText, Vec2};
 use egui_material_icons::{MaterialIcon, icons};
 
+use super::desk::file_name;
 use super::modeller::{After, Doing, Modeller, Question};
 use super::panels::{self, Pane};
 use super::sculpt::Tool;
@@ -102,7 +103,7 @@ fn file_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
                 ui.label(RichText::new("Nothing yet").weak());
             }
             for path in recent {
-                let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+                let name = file_name(&path);
                 if ui.button(name).on_hover_text(path.to_string_lossy()).clicked() {
                     m.open(ctx, &path.to_string_lossy());
                     ui.close();
@@ -114,20 +115,17 @@ fn file_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
             m.save(ctx, After::Nothing);
         }
         if item(ui, "Save as…", "Ctrl Shift S") {
-            let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "voxclay"));
-            m.question = Some(Question::Save { word, embed: false, then: After::Nothing });
+            m.ask_save_as(After::Nothing);
         }
         ui.separator();
         if item(ui, "Export volume…", "Ctrl E") {
             panels::open(&mut m.tree, Pane::Export);
         }
         if item(ui, "Picture…", "Ctrl P") {
-            let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "png"));
-            m.question = Some(Question::Screenshot { word, transparent: false });
+            m.ask_screenshot();
         }
         if item(ui, "Turntable…", "") {
-            let word = m.desk.as_ref().map_or_else(String::new, |d| super::desk::suggested(d, "gif"));
-            m.question = Some(Question::Turntable { word, frames: 72, seconds: 6.0 });
+            m.question = Some(Question::Turntable { word: m.suggested("gif"), frames: 72, seconds: 6.0 });
         }
         ui.separator();
         if item(ui, "Quit", "Ctrl Q") {

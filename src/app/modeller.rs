@@ -330,11 +330,23 @@ impl Modeller {
     pub fn save(&mut self, ctx: &egui::Context, then: After) {
         match self.desk.as_ref().and_then(|d| d.path.clone()) {
             Some(path) => self.save_as(ctx, path, false, then),
-            None => {
-                let word = self.desk.as_ref().map_or_else(String::new, |d| suggested(d, "voxclay"));
-                self.question = Some(Question::Save { word, embed: false, then });
-            }
+            None => self.ask_save_as(then),
         }
+    }
+
+    /// Asks where to save.
+    pub fn ask_save_as(&mut self, then: After) {
+        self.question = Some(Question::Save { word: self.suggested("voxclay"), embed: false, then });
+    }
+
+    /// Asks where a picture is to go.
+    pub fn ask_screenshot(&mut self) {
+        self.question = Some(Question::Screenshot { word: self.suggested("png"), transparent: false });
+    }
+
+    /// A name beside the file that is open.
+    pub(super) fn suggested(&self, extension: &str) -> String {
+        self.desk.as_ref().map_or_else(String::new, |d| suggested(d, extension))
     }
 
     pub fn save_as(&mut self, ctx: &egui::Context, path: PathBuf, embed: bool, then: After) {
@@ -613,6 +625,7 @@ impl Modeller {
             history.mark_unsaved();
             // it is in our own recovery file from now on
             self.recovery.keep(history.document(), path.as_deref(), &base);
+            self.aside = Some(history.document().clone());
             let _ = std::fs::remove_file(file);
         }
         match (&path, &history.document().volume) {

@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, RichText};
 
+use super::desk::file_name;
 use super::keys;
 use super::modeller::{After, Modeller, Question};
 use super::settings::ThemeChoice;
@@ -221,9 +222,7 @@ fn describe(aside: &super::recovery::Aside) -> String {
     use crate::scene::VolumeSource;
     let count = aside.document.stack.items.len();
     let name = match (&aside.path, &aside.document.volume) {
-        (Some(p), _) | (None, VolumeSource::File(p) | VolumeSource::Embedded(p)) => {
-            p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
-        }
+        (Some(p), _) | (None, VolumeSource::File(p) | VolumeSource::Embedded(p)) => file_name(p),
         (None, VolumeSource::Phantom { name, .. }) => name.clone(),
     };
     format!("{name} ({count} deformations)")

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use eframe::egui;
 
+use super::desk::file_name;
 use super::turntable::{self, Turntable};
 use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
 use crate::evaluate::export::{ExportError, ExportOptions, Precision, stored_outside};
@@ -212,7 +213,7 @@ pub fn save(
     thumbnail: Option<Vec<u8>>,
     embed: bool,
 ) -> Task {
-    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let name = file_name(&path);
     Task::start(ctx, format!("Saving {name}"), false, move |_| {
         let mut stored = (*document).clone();
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
@@ -248,7 +249,7 @@ fn relocate(document: &mut Document, base: &Path, folder: &Path) {
 
 /// Resamples and writes the deformed volume, as `voxclay export` does.
 pub fn export(ctx: &egui::Context, document: Arc<Document>, base: PathBuf, data: Arc<Data>, job: ExportJob) -> Task {
-    let name = job.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let name = file_name(&job.path);
     Task::start(ctx, format!("Exporting {name}"), true, move |watch| {
         let started = Instant::now();
         let object =

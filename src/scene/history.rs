@@ -26,6 +26,8 @@ pub struct History {
     /// The step that is in the file, if it has been saved.
     saved: Option<Arc<Document>>,
     current: Arc<Document>,
+    /// Whether the current document is another than the saved one but for the camera; asked for in every pass of a window.
+    dirty: bool,
 }
 
 impl History {
@@ -36,7 +38,15 @@ impl History {
     pub fn new(document: Document, budget: usize) -> Self {
         let document = Arc::new(document);
         let first = Step { name: "Open".to_owned(), document: document.clone() };
-        Self { steps: vec![first], at: 0, budget, open: None, saved: Some(document.clone()), current: document }
+        Self {
+            steps: vec![first],
+            at: 0,
+            budget,
+            open: None,
+            saved: Some(document.clone()),
+            current: document,
+            dirty: false,
+        }
     }
 
     pub fn document(&self) -> &Arc<Document> {
@@ -67,6 +77,7 @@ impl History {
         if !edit.is_step() {
             return Ok(());
         }
+        self.judge();
         let joins = self.open.as_ref().is_some_and(|before| edit.joins(before)) && self.at + 1 == self.steps.len();
         self.steps.truncate(self.at + 1);
         if joins && self.at > 0 {
@@ -106,25 +117,32 @@ impl History {
         };
         self.at = step;
         self.open = None;
+        self.judge();
         true
     }
 
     /// The document as it is now is in the file.
     pub fn mark_saved(&mut self) {
         self.saved = Some(self.current.clone());
+        self.judge();
     }
 
     /// The document is in no file as it is now, whatever was opened.
     pub fn mark_unsaved(&mut self) {
         self.saved = None;
+        self.judge();
     }
 
     /// Whether something would be lost without saving. Looking from elsewhere does not count.
     pub fn is_dirty(&self) -> bool {
-        self.saved.as_ref().is_none_or(|saved| {
+        self.dirty
+    }
+
+    fn judge(&mut self) {
+        self.dirty = self.saved.as_ref().is_none_or(|saved| {
             !Arc::ptr_eq(saved, &self.current)
                 && Document { camera: self.current.camera, ..(**saved).clone() } != *self.current
-        })
+        });
     }
 
     /// About how many bytes all steps need.

@@ -3,6 +3,7 @@
 use eframe::egui::{self, RichText};
 
 use super::{number, row, title, vector};
+use crate::app::desk::file_name;
 use crate::app::modeller::Modeller;
 use crate::app::tasks::Purpose;
 use crate::scene::{Edit, Placement, ProxySource, VolumeSource};
@@ -74,7 +75,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
             }
         }
         ProxySource::Mesh(path) => {
-            let text = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+            let text = file_name(path);
             row(ui, "File", |ui, _| ui.label(text));
         }
         ProxySource::Box => {}
