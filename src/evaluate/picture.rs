@@ -113,13 +113,18 @@ pub struct Renderer {
     gpu: Option<gpu::Renderer>,
     /// Of [`Mode::Spline`].
     smooth: Option<surface::Smooth>,
+    slices: geometry::Keeper,
 }
 
 impl Renderer {
     /// # Errors
     /// If the GPU is asked for and none can be opened.
     pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
-        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?, smooth: None })
+        Ok(Self {
+            gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?,
+            smooth: None,
+            slices: geometry::Keeper::default(),
+        })
     }
 
     /// Draws an object.
@@ -172,7 +177,7 @@ impl Renderer {
             let ms_total = started.elapsed().as_secs_f64() * 1e3;
             return Ok(Some((picture, PictureReport { tets, ms_total, ..report })));
         }
-        let (geometry, warnings) = geometry::slices_with_warnings(object, camera, &geometry_options(options))?;
+        let (geometry, warnings) = self.slices.slices(object, camera, &geometry_options(options))?;
         let geometry = Arc::new(geometry);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         if stop() {
