@@ -98,6 +98,11 @@ impl Spline {
         self.coefficients.values[self.coefficients.index(at)]
     }
 
+    /// All coefficients that stand for samples, x fastest, with one more sample on every side, which repeats the outermost.
+    pub fn padded(&self) -> &[f32] {
+        &self.coefficients.values
+    }
+
     /// Where a point lies; points beyond the domain are moved to its border.
     #[inline(always)]
     pub fn locate(&self, p: DVec3) -> Place {
