@@ -11,9 +11,13 @@ struct Lists {
 @group(1) @binding(4) var<storage, read> lists: Lists;
 
 const BATCH: u32 = 64u;
-// f32 knows where a ray is to about a millionth of a voxel; the rasterizer, to 1/256 of a pixel
-const ROUNDING: f32 = 4e-6;
-const SNAP: f32 = 1.0 / 80.0;
+// how far a place may lie outside, in barycentric coordinates: f32 knows where a ray is to about a millionth of a voxel
+const SLACK: f32 = 4e-6;
+// the rasterizer knows where corners are to 1/256 of a pixel: tetrahedra are drawn larger by this many pixels on every side
+const MARGIN: f32 = 1.0 / 100.0;
+// the middle of the sphere that touches all faces, and its radius
+const INCENTER: vec3f = vec3f(0.3693981, 0.1846990, 0.0);
+const INRADIUS: f32 = 0.1306019;
 
 struct Corner {
     @builtin(position) position: vec4f,
@@ -22,8 +26,8 @@ struct Corner {
     @location(2) @interpolate(flat) c: vec4f,
     @location(3) @interpolate(flat) d: vec4f,
     @location(4) @interpolate(flat) e: vec4f,
-    // the cube, and how far a place may lie outside, in barycentric coordinates
-    @location(5) @interpolate(flat) center: vec4f,
+    // the cube
+    @location(5) @interpolate(flat) center: vec3f,
     @location(6) @interpolate(flat) kind: u32,
 }
 
@@ -63,11 +67,12 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) batc
         local = vec3f(0.5, 0.0, 0.0);
     }
     let center = vec3f(cube);
+    let pixel = view.iso.w * abs((view.clip_from_voxel * vec4f(center, 1.0)).w);
+    local += (local - INCENTER) * (MARGIN * pixel / INRADIUS);
     let clip = view.clip_from_voxel * vec4f(center + axes * local, 1.0);
     // the fragments find their own depth: no face is cut off by the near or the far plane
     out.position = vec4f(clip.xy, 0.5 * clip.w, clip.w);
-    let pixel = view.iso.w * abs((view.clip_from_voxel * vec4f(center, 1.0)).w);
-    out.center = vec4f(center, min(ROUNDING + SNAP * pixel, 0.1));
+    out.center = center;
     out.kind = kind;
     return out;
 }
@@ -172,15 +177,13 @@ fn rise(b: vec4f, slack: f32) -> f32 {
         } else {
             hi = t;
         }
-        var next = t - v / slope(b, t);
-        if !(next > lo && next < hi) {
-            next = 0.5 * (lo + hi);
-        }
-        let step = abs(next - t);
-        t = next;
-        if step < 1e-6 {
+        let next = t - v / slope(b, t);
+        // before the bracket is asked: rounding may have put its end on the root
+        if abs(next - t) < 1e-6 {
+            t = next;
             break;
         }
+        t = select(0.5 * (lo + hi), next, next > lo && next < hi);
     }
     return t;
 }
@@ -195,21 +198,21 @@ struct Found {
 fn find(t: Corner) -> Found {
     var found: Found;
     let axes = kind_axes(t.kind);
-    let center = t.center.xyz;
-    let slack = t.center.w;
     let pixel = pixel_ray(t.position.xy);
-    let ray = local_ray(pixel, center);
+    let ray = local_ray(pixel, t.center);
     // a vector times a matrix is the transpose times the vector
     let at = barycentric(ray.origin * axes);
     let rate = barycentric_direction(ray.direction * axes);
-    // where all four are not below -slack
-    let crossing = -(at + slack) / select(rate, vec4f(1e-30), abs(rate) < vec4f(1e-30));
-    let enters = select(vec4f(-1e30), crossing, rate > vec4f(0.0));
-    let leaves = select(vec4f(1e30), crossing, rate <= vec4f(0.0));
+    // where none of the four is below -SLACK; a ray along a face is on one side of it for ever
+    let level = abs(rate) < vec4f(1e-20);
+    let crossing = -(at + SLACK) / select(rate, vec4f(1e-20), level);
+    let falls = rate < vec4f(0.0) & !level;
+    let enters = select(crossing, vec4f(-1e30), falls);
+    let leaves = select(vec4f(1e30), crossing, falls);
     var start = max(max(enters.x, enters.y), max(enters.z, enters.w));
     var end = min(min(leaves.x, leaves.y), min(leaves.z, leaves.w));
     if view.dims.w > 0u {
-        let range = uncut(ray, center);
+        let range = uncut(ray, t.center);
         start = max(start, range.start);
         end = min(end, range.end);
     }
@@ -238,9 +241,7 @@ fn find(t: Corner) -> Found {
     found.hit.to_eye = -normalize(view.world_from_voxel * ray.direction);
     found.hit.normal = faced(view.covariant * gradient, found.hit.to_eye);
     found.hit.depth = ray.depth + here;
-    // where two tetrahedra claim a place, the one that holds it comes first
-    let outside = max(0.0, -min(min(place.x, place.y), min(place.z, place.w)));
-    found.depth = buffer_depth(found.hit.depth + outside);
+    found.depth = buffer_depth(found.hit.depth);
     return found;
 }
 

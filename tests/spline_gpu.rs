@@ -2,12 +2,17 @@
 //!
 //! Without a graphics driver these tests show as ignored (see `build.rs`); with one that does not open they fail.
 
+use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
+use voxclay::evaluate::load::load;
+use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use voxclay::gpu::{Coefficients, Gpu, GpuError, Preference, SplinePass, SplineView};
-use voxclay::render::{Camera, Projection};
-use voxclay::spline::{Crossing, Level, Ray, Spline};
+use voxclay::render::{Camera, Look, Projection, Shading};
+use voxclay::scene::{CameraSpec, Document, VolumeSource};
+use voxclay::spline::{Crossing, Kind, Level, Ray, Spline};
 
 fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
@@ -260,14 +265,138 @@ fn hits_depths_and_normals_are_those_of_rays() {
         for shot in shots() {
             let view = shot.view();
             let rays = shot.by_rays(&view);
-            let dims = shot.spline.dims();
             for coefficients in [Coefficients::OnTheFly, Coefficients::Stored] {
                 pass.set_coefficients(coefficients);
                 pass.set_spline(gpu, &shot.spline).unwrap();
                 let ours = pass.probe(gpu, &view, shot.iso).unwrap();
-                let made = compare(&view, &ours, &rays, dims);
-                println!("{}, {coefficients:?}: {made:?}, {:?}", shot.what, pass.load());
+                let made = compare(&view, &ours, &rays, shot.spline.dims());
+                let what = format!("{}, {coefficients:?}: {made:?}", shot.what);
+                assert!(made.hits >= 10 && made.holes == 0, "{what}");
+                assert!(made.rim <= 2 && made.other <= 2, "{what}");
+                assert!(made.depth < 2e-5 && made.degrees < 2e-3, "{what}");
             }
         }
     });
+}
+
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
+fn another_isovalue_or_view_is_like_a_new_pass() {
+    let shot = shot("Marschner-Lobb", marschner_lobb(32), 0.5);
+    let turned = Shot { yaw: 100.0, ..shot };
+    let view = turned.view();
+    with_pass(|gpu, pass| {
+        pass.set_coefficients(Coefficients::Stored);
+        pass.set_spline(gpu, &turned.spline).unwrap();
+        for iso in [0.5, 0.3, 0.6, 7.0, 0.3] {
+            let kept = pass.probe(gpu, &view, iso).unwrap();
+            let mut fresh = SplinePass::new(gpu).unwrap();
+            fresh.set_spline(gpu, &turned.spline).unwrap();
+            assert!(fresh.classify(gpu, iso).unwrap() > 0.0);
+            let expected = fresh.probe(gpu, &view, iso).unwrap();
+            assert_eq!(kept, expected, "{iso}");
+            assert_eq!(kept.iter().all(|p| *p == [0.0; 4]), iso > 1.0);
+            let counts = |p: &SplinePass| (p.load().blocks, p.load().tets);
+            assert_eq!(counts(pass), counts(&fresh));
+        }
+    });
+}
+
+/// Every tetrahedron whose hull holds the isovalue, and no other, up to the rounding of `f32`.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
+fn the_tetrahedra_are_those_whose_hull_holds_the_isovalue() {
+    with_pass(|gpu, pass| {
+        for (spline, iso) in [(random([13, 9, 10]), 0.5), (balls([40, 36, 28]), -500.0), (marschner_lobb(24), 0.4)] {
+            let level = Level::new(&spline, iso);
+            let [nx, ny, nz] = spline.dims();
+            let (mut surely, mut perhaps) = (0, 0);
+            for at in 0..nx * ny * nz {
+                let cube = [at % nx, at / nx % ny, at / nx / ny];
+                for kind in Kind::all().filter(|_| level.is_active(cube)) {
+                    let [lo, hi] = spline.piece(cube, kind).hull();
+                    let slack = 1e-5 * ((lo - iso).abs() + (hi - iso).abs());
+                    surely += u32::from(lo + slack <= iso && hi - slack >= iso);
+                    perhaps += u32::from(lo - slack <= iso && hi + slack >= iso);
+                }
+            }
+            pass.set_spline(gpu, &spline).unwrap();
+            pass.classify(gpu, iso).unwrap();
+            let found = pass.load().tets;
+            assert!((surely..=perhaps).contains(&found) && surely > 1000, "{surely} {found} {perhaps}");
+        }
+    });
+}
+
+/// Buffers that are too small at first grow; where they may not, that is said.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
+fn what_there_is_no_room_for_is_found() {
+    let gpu = gpu();
+    // all of its blocks are full of surface
+    let shot = shot("random", random([44, 44, 44]), 0.5);
+    let view = shot.view();
+    let mut wide = SplinePass::new(&gpu).unwrap();
+    wide.set_spline(&gpu, &shot.spline).unwrap();
+    let expected = wide.probe(&gpu, &view, shot.iso).unwrap();
+    let load = wide.load();
+    // 64 tetrahedra a block are expected, so there was no room at first
+    assert!(load.blocks == 1331 && load.tets > 100 * load.blocks, "{load:?}");
+    let bytes = 80 * u64::from(load.tets);
+    let mut enough = SplinePass::with_limit(&gpu, bytes + 80).unwrap();
+    enough.set_spline(&gpu, &shot.spline).unwrap();
+    assert_eq!(enough.probe(&gpu, &view, shot.iso).unwrap(), expected);
+    let mut narrow = SplinePass::with_limit(&gpu, bytes - 80).unwrap();
+    narrow.set_spline(&gpu, &shot.spline).unwrap();
+    assert!(matches!(narrow.probe(&gpu, &view, shot.iso), Err(GpuError::TooLarge { .. })));
+    narrow.set_coefficients(Coefficients::OnTheFly);
+    assert_eq!(narrow.probe(&gpu, &view, shot.iso).unwrap().len(), expected.len());
+}
+
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
+fn pictures_are_those_of_the_cpu() {
+    let pull =
+        DisplacementVolume::from_drag(DVec3::new(0.0, -12.0, 0.0), DVec3::new(3.0, -9.0, 4.0), 26.0).expect("a stroke");
+    let pulled = Deformation::new("pull", Deformer::Displacement(pull));
+    let mut gpu = Renderer::new(Backend::Gpu).unwrap();
+    for (name, fov_y, deformed, clipped) in [
+        ("gaussian", Some(30.0), true, false),
+        ("engine", None, false, true),
+        ("head", Some(28.0), false, true),
+        ("marschner-lobb", Some(20.0), false, false),
+    ] {
+        let mut document = Document::new(VolumeSource::Phantom { name: name.into(), size: 48 });
+        if deformed {
+            document.stack.items = vec![pulled.clone()];
+        }
+        if clipped {
+            document.clip.region[0] = [0.0, 0.55];
+        }
+        let object = load(&document, Path::new("")).unwrap();
+        let camera = object.camera(&CameraSpec { fov_y, ..CameraSpec::default() });
+        for transparent in [false, true] {
+            let options = ViewOptions {
+                size: (150, 130),
+                slices: None,
+                mode: Mode::Spline,
+                refinement: Refinement::Tolerance(0.1),
+                backend: Backend::Cpu,
+                transparent,
+                corrections: None,
+            };
+            let shade = |color| Shading::Iso { value: object.iso, color };
+            let look = Look { shading: shade([0.8, 0.6, 0.4]), ..Look::default() };
+            let mut cpu = Renderer::new(Backend::Cpu).unwrap();
+            let (expected, _) = cpu.picture(&object, &camera, &look, &options).unwrap();
+            let (ours, report) = gpu.picture(&object, &camera, &look, &options).unwrap();
+            assert_eq!((report.backend, report.warnings), ("gpu", Vec::<String>::new()));
+            assert!(report.triangles > 1000, "{}", report.triangles);
+            // colours are rounded to 16 bits of a float on the way
+            let far = |a: [u8; 4], b: [u8; 4]| (0..4).any(|c| a[c].abs_diff(b[c]) > 1);
+            let off = ours.pixels.iter().zip(&expected.pixels).filter(|(a, b)| far(**a, **b)).count();
+            assert!(off <= 3, "{name}: {off} pixels");
+            assert!(expected.pixels.iter().any(|p| *p != expected.pixels[0]));
+        }
+    }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::EvaluateError;
 use super::geometry::{self, GeometryOptions};
 use super::load::Object;
-use super::{surface, tets};
+use super::{smooth, tets};
 use crate::gpu::{self, Gpu, Preference};
 use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
@@ -35,7 +35,7 @@ pub enum Mode {
     /// The volume warped through a lattice of tetrahedra first, then drawn as one that is not deformed. The refinement is
     /// the lattice's.
     Tets,
-    /// The smooth iso-surface of a C1 spline, by ray casting on the CPU.
+    /// The smooth iso-surface of a C1 spline: by rays on the CPU, by tetrahedra on the GPU.
     Spline,
 }
 
@@ -112,14 +112,17 @@ pub(super) fn geometry_options(options: &ViewOptions) -> GeometryOptions {
 pub struct Renderer {
     gpu: Option<gpu::Renderer>,
     /// Of [`Mode::Spline`].
-    smooth: Option<surface::Smooth>,
+    smooth: smooth::Kept,
 }
 
 impl Renderer {
     /// # Errors
     /// If the GPU is asked for and none can be opened.
     pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
-        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?, smooth: None })
+        Ok(Self {
+            gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?,
+            smooth: smooth::Kept::default(),
+        })
     }
 
     /// Draws an object.
@@ -159,7 +162,8 @@ impl Renderer {
     ) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
         let started = Instant::now();
         if options.mode == Mode::Spline {
-            return surface::picture(&mut self.smooth, object, camera, look, options, stop);
+            let gpu = self.gpu.as_ref().map(gpu::Renderer::gpu);
+            return smooth::picture(&mut self.smooth, gpu, object, camera, look, options, stop);
         }
         if options.mode == Mode::Tets {
             let warped = tets::warped(object, options.refinement)?;

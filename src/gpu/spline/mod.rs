@@ -15,9 +15,8 @@
 //!   conditioned, and its roots need no test. Newton's method is kept within a bracket around the first rise.
 //! - `f32` is enough because the ray is moved next to each cube: its numbers come in two parts (`view.rs`), so that nothing is
 //!   lost far from the origin.
-//! - A rasterizer puts corners on a grid of 1/256 of a pixel, so a pixel on a border may go to the wrong tetrahedron. The
-//!   interval is therefore a little longer than the tetrahedron; where two neighbours answer, the one that holds the place
-//!   wins.
+//! - A rasterizer puts corners on a grid of 1/256 of a pixel, so a pixel on a border may go to the wrong tetrahedron. They
+//!   are therefore drawn a hundredth of a pixel larger, and each fragment looks itself where its ray is in the tetrahedron.
 //! - Only rises count. Where a ray begins above the isovalue, on a plane that cuts or on the border, there is a flat cap, which
 //!   a pass over the whole picture draws, if there can be any.
 //!

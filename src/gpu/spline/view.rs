@@ -137,7 +137,7 @@ impl SplineView {
         let [nx, ny, nz] = dims.map(|n| n as u32);
         let upper = iso as f32;
         let w = self.eye.map_or(1.0, |_| screen.distance);
-        let pixel = screen.across.length().max(screen.down.length()) / w;
+        let pixel = (screen.across.length() + screen.down.length()) / w;
         let mut uniform = SplineViewUniform {
             clip_from_voxel: clip_from_voxel.as_mat4().to_cols_array_2d(),
             world_from_voxel: columns(m),
