@@ -108,16 +108,9 @@ pub(super) fn picture(
         },
     };
     let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
-    let (width, height) = options.size;
-    let clip_from_world = camera.clip_from_world(width, height);
-    if !clip_from_world.is_finite() || clip_from_world.determinant() == 0.0 {
-        return Err(EvaluateError::View);
-    }
     kept.renew(object, options.corrections)?;
     let Kept { smooth: Some(smooth), pass, uploaded } = kept else { return Err(EvaluateError::View) };
-    // the light, the material and the background are those of slices, whose geometry plays no part
-    let geometry = SliceGeometry { center: DVec3::ZERO, distance: smooth.grid.finest(), ..SliceGeometry::default() };
-    let frame = Frame::new(camera, &look, &object.field, object.window, &geometry, width, height);
+    let (frame, view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
     if stop() {
         return Ok(None);
     }
@@ -133,20 +126,8 @@ pub(super) fn picture(
         ms_draw: 0.0,
         ms_total: 0.0,
     };
-    let eye = match camera.projection {
-        Projection::Orthographic => None,
-        Projection::Perspective { .. } => Some(camera.eye()),
-    };
     let mut drawn = None;
     if let Some(gpu) = gpu {
-        let view = SplineView {
-            clip_from_world,
-            world_from_voxel: smooth.grid.world_from_voxel,
-            eye,
-            to_eye: camera.to_eye(),
-            cuts: object.clip.iter().map(|plane| [plane.point, plane.normal]).collect(),
-            size: [width, height],
-        };
         match on_gpu(gpu, pass, uploaded, &smooth.spline, &mut report, |pass| pass.draw(gpu, &frame, &view, iso)) {
             Ok(picture) => drawn = Some(picture),
             Err(error) => report.warnings.push(instead(error)?),
@@ -161,10 +142,10 @@ pub(super) fn picture(
                 level: &level,
                 frame: &frame,
                 color: frame.iso_color.map(f64::from),
-                world_from_clip: clip_from_world.inverse(),
+                world_from_clip: view.clip_from_world.inverse(),
                 voxel_from_world: smooth.grid.voxel_from_world(),
-                eye,
-                to_eye: camera.to_eye(),
+                eye: view.eye,
+                to_eye: view.to_eye,
                 light: (camera.axes() * look.light).try_normalize().unwrap_or(camera.to_eye()),
                 clip: &object.clip,
             };
@@ -179,6 +160,37 @@ pub(super) fn picture(
     report.ms_total = since(started);
     report.ms_draw = report.ms_total - report.ms_geometry;
     Ok(Some((picture, report)))
+}
+
+/// What both renderers need of a view of a spline over a grid.
+///
+/// # Errors
+/// If the view has no direction.
+pub(super) fn frame_and_view(
+    object: &Object,
+    grid: &Grid,
+    camera: &Camera,
+    look: &Look,
+    (width, height): (u32, u32),
+) -> Result<(Frame, SplineView), EvaluateError> {
+    let clip_from_world = camera.clip_from_world(width, height);
+    if !clip_from_world.is_finite() || clip_from_world.determinant() == 0.0 {
+        return Err(EvaluateError::View);
+    }
+    // the light, the material and the background are those of slices, whose geometry plays no part
+    let geometry = SliceGeometry { center: DVec3::ZERO, distance: grid.finest(), ..SliceGeometry::default() };
+    let view = SplineView {
+        clip_from_world,
+        world_from_voxel: grid.world_from_voxel,
+        eye: match camera.projection {
+            Projection::Orthographic => None,
+            Projection::Perspective { .. } => Some(camera.eye()),
+        },
+        to_eye: camera.to_eye(),
+        cuts: object.clip.iter().map(|plane| [plane.point, plane.normal]).collect(),
+        size: [width, height],
+    };
+    Ok((Frame::new(camera, look, &object.field, object.window, &geometry, width, height), view))
 }
 
 /// Draws with a pass that has the spline.
