@@ -49,21 +49,33 @@ fn cap(at: vec2f) -> Cap {
     let axes = kind_axes(8u * first + 4u * u32(odd) + back);
     let t = piece(near_texels(vec3u(cube), axes));
     let p = barycentric(inside * axes);
-    if cubic(t, p) < 0.0 {
+    let value = cubic(t, p);
+    if value < 0.0 {
         return found;
     }
     found.met = true;
     found.hit.to_eye = -normalize(view.world_from_voxel * ray.direction);
+    found.hit.color = frame.iso_color.rgb;
     var normal = vec3f(0.0);
     if range.start > entry {
         let n = view.normals[range.plane];
         normal = n.xyz * n.w;
+        if n.w != 0.0 && view.tint.z != 0.0 {
+            found.hit.color = cap_color(value);
+        }
     } else {
         normal = view.covariant * (sign(ray.direction) * vec3f(enters >= vec3f(entry - 1e-6)));
     }
     found.hit.normal = faced(normal, found.hit.to_eye);
     found.hit.depth = ray.depth + start;
     return found;
+}
+
+// by the value less the isovalue
+fn cap_color(value: f32) -> vec3f {
+    let x = clamp(value * view.window.x + view.window.y, 0.0, 1.0) * 255.0;
+    let i = min(u32(x), 254u);
+    return mix(view.caps[i].rgb, view.caps[i + 1u].rgb, x - f32(i));
 }
 
 // by de Casteljau's algorithm, written out

@@ -188,6 +188,30 @@ fn rise(b: vec4f, slack: f32) -> f32 {
     return t;
 }
 
+// the local axes in barycentric coordinates
+const AXIS_U: vec4f = vec4f(-2.0, 2.0, 0.0, 0.0);
+const AXIS_V: vec4f = vec4f(0.0, -2.0, 1.0, 1.0);
+const AXIS_W: vec4f = vec4f(0.0, 0.0, 1.0, -1.0);
+
+fn slopes(l: vec4f) -> vec3f {
+    return vec3f(dot(l, AXIS_U), dot(l, AXIS_V), dot(l, AXIS_W));
+}
+
+// as in `spline::paint`
+fn curvature(g: vec3f, h: mat3x3f) -> f32 {
+    let square = dot(g, g);
+    if !(square > 0.0) {
+        return 0.0;
+    }
+    if view.tint.x == 1.0 {
+        let trace = h[0].x + h[1].y + h[2].z;
+        return (dot(g, h * g) - square * trace) / (2.0 * square * sqrt(square));
+    }
+    let adjugate = mat3x3f(cross(h[1], h[2]), cross(h[2], h[0]), cross(h[0], h[1]));
+    let product = dot(g, adjugate * g);
+    return sign(product) * sqrt(abs(product)) / square;
+}
+
 struct Found {
     hit: Hit,
     // in the depth buffer
@@ -240,6 +264,15 @@ fn find(t: Corner) -> Found {
     found.met = true;
     found.hit.to_eye = -normalize(view.world_from_voxel * ray.direction);
     found.hit.normal = faced(view.covariant * gradient, found.hit.to_eye);
+    found.hit.color = frame.iso_color.rgb;
+    if view.tint.x != 0.0 {
+        // derivatives along the local axes, three times smaller than they are
+        let h = mat3x3f(slopes(linear(left, AXIS_U)), slopes(linear(left, AXIS_V)), slopes(linear(left, AXIS_W)));
+        let turn = view.covariant * axes;
+        let strength = curvature(3.0 * (view.covariant * gradient), 6.0 * (turn * h * transpose(turn))) * view.tint.y;
+        let end = select(view.negative.rgb, view.positive.rgb, strength > 0.0);
+        found.hit.color = mix(found.hit.color, end, min(abs(strength), 1.0));
+    }
     found.hit.depth = ray.depth + here;
     found.depth = buffer_depth(found.hit.depth);
     return found;

@@ -24,6 +24,13 @@ struct View {
     planes: array<vec4f, 12>,
     // in the world; 1 where a cut is seen, 0 where the eye's own plane cuts
     normals: array<vec4f, 12>,
+    // 1 for mean and 2 for Gaussian curvature; strength; 1 if caps have colours of their own
+    tint: vec4f,
+    positive: vec4f,
+    negative: vec4f,
+    // place in the table from a value less the isovalue: factor and summand
+    window: vec4f,
+    caps: array<vec4f, 256>,
 }
 
 @group(1) @binding(0) var<uniform> view: View;
@@ -116,6 +123,8 @@ struct Hit {
     // towards the eye
     normal: vec3f,
     to_eye: vec3f,
+    // linear light
+    color: vec3f,
     // along the ray from the plane across the view, in voxels
     depth: f32,
 }
@@ -136,7 +145,7 @@ fn buffer_depth(depth: f32) -> f32 {
 
 // as the surfaces of slices are lit
 fn shaded(hit: Hit) -> vec4f {
-    let color = frame.iso_color.rgb;
+    let color = hit.color;
     if (frame.size.w & LIT_FLAG) == 0u {
         return vec4f(color, 1.0);
     }

@@ -95,6 +95,6 @@ fn shared_structs_lie_as_in_rust() {
     for source in [shader::spline_draw(false), shader::spline_cap()] {
         same_layout!(source, "View", SplineViewUniform:
             clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
-            eye_low, dims, iso, planes, normals);
+            eye_low, dims, iso, planes, normals, tint, positive, negative, window, caps);
     }
 }

@@ -8,10 +8,11 @@ use std::sync::{Arc, Mutex, OnceLock};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
 use voxclay::evaluate::load::load;
-use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
+use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, SmoothLook, ViewOptions};
 use voxclay::gpu::{Coefficients, Gpu, GpuError, Preference, SplinePass, SplineView};
 use voxclay::render::{Camera, Look, Projection, Shading};
 use voxclay::scene::{CameraSpec, Document, VolumeSource};
+use voxclay::spline::paint::{Curvature, Paint};
 use voxclay::spline::{Crossing, Kind, Level, Ray, Spline};
 
 fn gpu() -> Arc<Gpu> {
@@ -127,6 +128,7 @@ impl Shot {
                 .map(|[p, n]| [to_world.transform_point3(*p), (covariant * *n).normalize()])
                 .collect(),
             size: SIZE,
+            paint: Paint::default(),
         }
     }
 
@@ -375,7 +377,13 @@ fn pictures_are_those_of_the_cpu() {
         }
         let object = load(&document, Path::new("")).unwrap();
         let camera = object.camera(&CameraSpec { fov_y, ..CameraSpec::default() });
-        for transparent in [false, true] {
+        let plain = SmoothLook::default();
+        for (transparent, smooth_look) in [
+            (false, plain),
+            (true, plain),
+            (false, SmoothLook { curvature: Some(Curvature::Mean), caps: true }),
+            (false, SmoothLook { curvature: Some(Curvature::Gaussian), caps: false }),
+        ] {
             let options = ViewOptions {
                 size: (150, 130),
                 slices: None,
@@ -388,6 +396,8 @@ fn pictures_are_those_of_the_cpu() {
             let shade = |color| Shading::Iso { value: object.iso, color };
             let look = Look { shading: shade([0.8, 0.6, 0.4]), ..Look::default() };
             let mut cpu = Renderer::new(Backend::Cpu).unwrap();
+            cpu.set_smooth_look(smooth_look);
+            gpu.set_smooth_look(smooth_look);
             let (expected, _) = cpu.picture(&object, &camera, &look, &options).unwrap();
             let (ours, report) = gpu.picture(&object, &camera, &look, &options).unwrap();
             assert_eq!((report.backend, report.warnings), ("gpu", Vec::<String>::new()));

@@ -13,6 +13,7 @@ use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
 
 pub use super::geometry::Refinement;
+pub use super::smooth::SmoothLook;
 
 /// Which renderer does the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -138,6 +139,11 @@ impl Renderer {
     ) -> Result<(Picture, PictureReport), EvaluateError> {
         // nothing stops it, so there is a picture
         self.picture_until(object, camera, look, options, &|| false)?.ok_or(EvaluateError::View)
+    }
+
+    /// What the pictures of [`Mode::Spline`] show beside the shape from now on.
+    pub fn set_smooth_look(&mut self, look: SmoothLook) {
+        self.smooth.look = look;
     }
 
     /// What draws.

@@ -15,9 +15,32 @@ use crate::math::parallel;
 use crate::mesh::TriMesh;
 use crate::render::{Camera, Frame, Look, Picture, Projection, Shading, SliceGeometry, Stop};
 use crate::scene::CutPlane;
+use crate::spline::paint::{Colors, Curvature, Paint, tinted};
 use crate::spline::{Crossing, Level, Ray, Spline};
 use crate::volume::transfer::{linear_from_srgb, srgb_from_linear};
 use crate::volume::{Grid, Volume};
+
+/// What a smooth surface shows beside its shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SmoothLook {
+    pub curvature: Option<Curvature>,
+    /// Whether caps on clipping planes have the transfer function's colours, not the surface's own.
+    pub caps: bool,
+}
+
+impl SmoothLook {
+    fn paint(self, object: &Object, grid: &Grid) -> Paint {
+        // a ball of four voxels shows the strongest colour
+        let curvature = self.curvature.map(|curvature| (curvature, 4.0 * grid.finest()));
+        let last = (Colors::ENTRIES - 1) as f32;
+        let color = |i: usize| {
+            let [r, g, b, _] = object.transfer.classify(i as f32 / last);
+            [r, g, b]
+        };
+        let table = || (0..Colors::ENTRIES).map(color).collect();
+        Paint { curvature, caps: self.caps.then(|| Colors { table: table(), range: object.window }) }
+    }
+}
 
 /// Rows of a picture that are worked off together.
 const ROWS: usize = 8;
@@ -70,6 +93,7 @@ pub(super) struct Kept {
     pass: Option<SplinePass>,
     /// Whether the pass has the spline.
     uploaded: bool,
+    pub look: SmoothLook,
 }
 
 impl Kept {
@@ -109,8 +133,11 @@ pub(super) fn picture(
     };
     let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
     kept.renew(object, options.corrections)?;
-    let Kept { smooth: Some(smooth), pass, uploaded } = kept else { return Err(EvaluateError::View) };
-    let (frame, view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
+    let Kept { smooth: Some(smooth), pass, uploaded, look: smooth_look } = kept else {
+        return Err(EvaluateError::View);
+    };
+    let (frame, mut view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
+    view.paint = smooth_look.paint(object, &smooth.grid);
     if stop() {
         return Ok(None);
     }
@@ -148,6 +175,7 @@ pub(super) fn picture(
                 to_eye: view.to_eye,
                 light: (camera.axes() * look.light).try_normalize().unwrap_or(camera.to_eye()),
                 clip: &object.clip,
+                paint: &view.paint,
             };
             let (picture, hits) = scene.picture(stop);
             report.fragments = Some(hits);
@@ -189,6 +217,7 @@ pub(super) fn frame_and_view(
         to_eye: camera.to_eye(),
         cuts: object.clip.iter().map(|plane| [plane.point, plane.normal]).collect(),
         size: [width, height],
+        paint: Paint::default(),
     };
     Ok((Frame::new(camera, look, &object.field, object.window, &geometry, width, height), view))
 }
@@ -268,6 +297,7 @@ struct Scene<'a> {
     light: DVec3,
     /// What is cut away.
     clip: &'a [CutPlane],
+    paint: &'a Paint,
 }
 
 impl Scene<'_> {
@@ -312,14 +342,28 @@ impl Scene<'_> {
         let to_eye = self.eye.map_or(self.to_eye, |eye| (eye - p).normalize());
         // a gradient in the world
         let covariant = self.voxel_from_world.matrix3.transpose();
+        let spline = self.level.spline();
+        let mut color = [self.color[0], self.color[1], self.color[2]];
         let normal = match (crossing, cut_by) {
-            (Crossing::Start, Some(plane)) if t <= range[0] => plane,
+            (Crossing::Start, Some(plane)) if t <= range[0] => {
+                if let Some(colors) = &self.paint.caps {
+                    color = colors.at(spline.value(ray.at(t)));
+                }
+                plane
+            }
             (Crossing::Start, _) => covariant * self.cut(&ray, t),
-            _ => covariant * self.level.spline().gradient(ray.at(t)),
+            _ => {
+                let gradient = covariant * spline.gradient(ray.at(t));
+                if let Some((curvature, strength)) = self.paint.curvature {
+                    let hessian = covariant * spline.hessian(ray.at(t)) * covariant.transpose();
+                    color = tinted(color, curvature.of(gradient, hessian) * strength);
+                }
+                gradient
+            }
         };
         let normal = normal.try_normalize().unwrap_or(to_eye);
         let normal = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
-        Some(self.shade(normal, to_eye))
+        Some(self.shade(color, normal, to_eye))
     }
 
     /// The part of the way from `near` to `far` that no plane cuts away, and the normal of the plane it begins at.
@@ -356,8 +400,7 @@ impl Scene<'_> {
     }
 
     /// As the surfaces of slices are lit.
-    fn shade(&self, n: DVec3, to_eye: DVec3) -> [f64; 3] {
-        let color = [self.color[0], self.color[1], self.color[2]];
+    fn shade(&self, color: [f64; 3], n: DVec3, to_eye: DVec3) -> [f64; 3] {
         if !self.frame.has(Frame::LIT) {
             return color;
         }

@@ -148,10 +148,12 @@ pub struct SplineHead {
 
 /// Planes that a spline's picture may be cut by.
 pub const SPLINE_PLANES: usize = 12;
+/// Entries of its table of colours.
+pub const SPLINE_COLORS: usize = crate::spline::paint::Colors::ENTRIES;
 
 /// `View` of `shaders/spline_view.wgsl`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct SplineViewUniform {
     pub clip_from_voxel: [[f32; 4]; 4],
     /// Columns, each padded.
@@ -171,6 +173,13 @@ pub struct SplineViewUniform {
     pub iso: [f32; 4],
     pub planes: [[f32; 4]; SPLINE_PLANES],
     pub normals: [[f32; 4]; SPLINE_PLANES],
+    /// 1 for mean and 2 for Gaussian curvature; strength; 1 if caps have colours of their own; the fourth is unused.
+    pub tint: [f32; 4],
+    pub positive: [f32; 4],
+    pub negative: [f32; 4],
+    /// Place in the table from a value less the isovalue: factor and summand; the rest is unused.
+    pub window: [f32; 4],
+    pub caps: [[f32; 4]; SPLINE_COLORS],
 }
 
 /// Bytes from one row to the next when a texture is copied to a buffer.

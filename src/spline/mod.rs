@@ -26,6 +26,7 @@ pub mod cells;
 mod correct;
 pub mod cubic;
 mod level;
+pub mod paint;
 mod piece;
 mod ray;
 pub mod refine;

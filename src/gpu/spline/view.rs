@@ -3,6 +3,7 @@
 use glam::{DAffine3, DMat4, DVec3, DVec4};
 
 use crate::gpu::layout::{SPLINE_PLANES, SplineViewUniform};
+use crate::spline::paint::{Curvature, NEGATIVE, POSITIVE, Paint};
 
 /// How a spline is looked at.
 #[derive(Debug, Clone)]
@@ -18,6 +19,7 @@ pub struct SplineView {
     pub cuts: Vec<[DVec3; 2]>,
     /// Pixels.
     pub size: [u32; 2],
+    pub paint: Paint,
 }
 
 /// A plane across the view, in voxels.
@@ -157,13 +159,32 @@ impl SplineView {
                 (0.49 / self.reach(dims, &screen, &far_corners)) as f32,
                 pixel as f32,
             ],
-            ..SplineViewUniform::default()
+            ..bytemuck::Zeroable::zeroed()
         };
         for (i, (plane, normal)) in planes.iter().enumerate() {
             uniform.planes[i] = plane.as_vec4().to_array();
             uniform.normals[i] = normal.map_or([0.0; 4], |n| n.as_vec3().extend(1.0).to_array());
         }
+        self.colors(&mut uniform, iso);
         uniform
+    }
+
+    fn colors(&self, uniform: &mut SplineViewUniform, iso: f64) {
+        let rgb = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
+        (uniform.positive, uniform.negative) = (rgb(POSITIVE), rgb(NEGATIVE));
+        if let Some((curvature, strength)) = self.paint.curvature {
+            let kind = match curvature {
+                Curvature::Mean => 1.0,
+                Curvature::Gaussian => 2.0,
+            };
+            (uniform.tint[0], uniform.tint[1]) = (kind, strength as f32);
+        }
+        if let Some(colors) = &self.paint.caps {
+            let [lo, hi] = colors.range;
+            uniform.tint[2] = 1.0;
+            uniform.window = [(1.0 / (hi - lo)) as f32, ((iso - lo) / (hi - lo)) as f32, 0.0, 0.0];
+            uniform.caps.iter_mut().zip(&colors.table).for_each(|(out, color)| *out = rgb(*color));
+        }
     }
 
     /// The largest depth, to either side, of a point of the domain in the picture, in voxels.
