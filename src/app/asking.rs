@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use glam::DVec3;
 
-use super::modeller::{Modeller, REST};
+use super::modeller::Modeller;
 use super::panels::{self, Pane};
+use super::state::REST;
 use super::theme;
 use super::worker::{Other, Want};
 use crate::evaluate::load::Data;

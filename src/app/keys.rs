@@ -2,10 +2,11 @@
 
 use eframe::egui::{self, Key, Modifiers};
 
-use super::modeller::{After, Doing, Layout, Modeller, Question};
+use super::modeller::Modeller;
 use super::navigate::{self, Standard};
 use super::panels::{self, Pane};
 use super::sculpt::Tool;
+use super::state::{After, Doing, FIRST, Layout, Question};
 use super::view;
 use crate::evaluate::picture::Mode;
 use crate::scene::Edit;
@@ -71,7 +72,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.question = Some(Question::Open { word: String::new(), wrong: None });
     }
     if ctrl(Key::N, false) {
-        m.open(ctx, super::modeller::FIRST);
+        m.open(ctx, FIRST);
     }
     if ctrl(Key::E, false) {
         panels::open(&mut m.tree, Pane::Export);

@@ -4,9 +4,10 @@ use eframe::egui::{self, Align, Layout as Flow, RichText, Vec2};
 use egui_material_icons::{MaterialIcon, icons};
 
 use super::desk::file_name;
-use super::modeller::{After, Doing, Modeller, Question};
+use super::modeller::Modeller;
 use super::panels::{self, Pane};
 use super::sculpt::Tool;
+use super::state::{After, Doing, Question};
 use super::theme;
 use crate::evaluate::picture::Mode;
 

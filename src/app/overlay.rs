@@ -3,8 +3,9 @@
 use eframe::egui::{self, Align2, Color32, FontId, Painter, Pos2, Rect, Stroke as Line, Vec2};
 use glam::DVec3;
 
-use super::modeller::{Doing, Modeller};
+use super::modeller::Modeller;
 use super::navigate::{Projector, Standard};
+use super::state::Doing;
 use super::theme;
 use super::view::{Scene, lattice};
 use super::worker::Other;

@@ -4,8 +4,9 @@ use eframe::egui::{self, RichText};
 
 use super::desk::file_name;
 use super::keys;
-use super::modeller::{After, Modeller, Question};
+use super::modeller::Modeller;
 use super::settings::ThemeChoice;
+use super::state::{After, Question};
 use super::tasks::{self, Purpose};
 use super::theme;
 use super::turntable::Turntable;

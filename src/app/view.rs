@@ -6,10 +6,11 @@ use std::time::Instant;
 use eframe::egui::{self, Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, Stroke as Line, Vec2};
 use glam::{DMat3, DVec3};
 
-use super::modeller::{Doing, Layout, Modeller};
+use super::modeller::Modeller;
 use super::navigate::{self, Projector, world_per_point};
 use super::overlay;
 use super::sculpt::{Hand, Made, Stroke, Tool, smoothed};
+use super::state::{Doing, Layout};
 use super::theme;
 use crate::deform::{Deformation, Deformer, Lattice};
 use crate::evaluate::load::Object;

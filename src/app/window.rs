@@ -2,7 +2,8 @@ use std::time::Duration;
 
 use eframe::egui::{self, ViewportBuilder};
 
-use super::modeller::{Modeller, Start};
+use super::modeller::Modeller;
+use super::state::Start;
 
 /// Opens the window and works until it is closed.
 ///
