@@ -170,7 +170,7 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
         ui.separator();
         ui.checkbox(&mut m.view.overlays, "Overlays   H");
         ui.checkbox(&mut m.view.proxy, "Proxy wireframe");
-        ui.checkbox(&mut m.view.boxes, "Box of the selected deformation");
+        ui.checkbox(&mut m.view.boxes, "Handles of the selected deformation");
         ui.checkbox(&mut m.view.tessellation, "Tessellation of a slice   W");
         ui.checkbox(&mut m.view.growth, "Growth and folds in the slices")
             .on_hover_text("Blue where material is squeezed, orange where it is stretched, red where space is folded");
@@ -248,6 +248,8 @@ pub fn status_bar(m: &mut Modeller, ui: &mut egui::Ui) {
             Doing::Stroke { .. } => "Release to keep the stroke; Esc gives it up",
             Doing::Radius { .. } => "Move for the radius, click to keep it",
             Doing::Strength { .. } => "Move for the strength, click to keep it",
+            Doing::Grip(_) => "Release to keep it; Esc gives it up",
+            Doing::Placing(_) => "Release to keep it; Ctrl turns in steps of 15°",
             Doing::Wipe => "Move the wipe",
             _ => m.hand.tool.hint(),
         };

@@ -14,7 +14,10 @@
 //! pure ([`sculpt`], [`navigate`]); panels read the modeller and push edits.
 
 mod asking;
+mod cube;
 mod desk;
+mod gizmo;
+mod grips;
 mod keys;
 mod menu;
 mod modeller;
@@ -23,6 +26,7 @@ mod news;
 mod overlay;
 mod panels;
 mod pass;
+mod place;
 mod questions;
 pub mod recovery;
 pub mod sculpt;

@@ -40,6 +40,12 @@ impl Modeller {
             });
         }
         questions::show(self, &ctx);
+        // a slider that was let go: the next change is a step of its own
+        if let Some(desk) = &mut self.desk
+            && ctx.input(|i| i.pointer.any_released() || i.key_pressed(egui::Key::Enter))
+        {
+            desk.history.close_step();
+        }
         self.show_notices(&ctx);
         if self.show_trace {
             menu::trace(self, &ctx);

@@ -1,6 +1,6 @@
 //! Tools: from what the hand does to deformations. Nothing here knows of windows.
 
-use eframe::egui::Vec2;
+use eframe::egui::{Pos2, Vec2};
 use glam::DVec3;
 
 use crate::deform::{Action, Brush, DeformError, Deformation, Deformer, DisplacementVolume, Falloff, Grab, Limit};
@@ -78,7 +78,7 @@ impl Tool {
             Self::Twist => "Drag left or right to twist round the line of sight",
             Self::Smooth => "Drag over strokes to let them give way",
             Self::Lattice => "Drag a handle of the lattice",
-            Self::Place => "Drag an arrow to move the shape in the volume; Tab shows the texture cube",
+            Self::Place => "In the texture cube: arrows move the shape, rings turn it, boxes scale it",
             Self::Pick => "Click the object to take its value as isovalue",
             Self::Measure => "Click two points to measure their distance",
         }
@@ -162,7 +162,9 @@ pub struct Stroke {
     pub camera: Camera,
     /// Middle of the volume, for mirror images.
     pub center: DVec3,
-    /// The whole way since the button went down, in points.
+    /// Where the button went down.
+    pub from: Pos2,
+    /// The whole way since then, in points.
     pub drag: Vec2,
     /// The other way round.
     pub inverse: bool,
@@ -310,7 +312,7 @@ mod tests {
         };
         let point = DVec3::new(3.0, 4.0, 5.0);
         let hit = Hit { point, rest: point, voxel: point, value: 1.0, normal: camera.to_eye() };
-        Stroke { hit, scale: 0.5, camera, center: DVec3::ZERO, drag, inverse: false, along: false }
+        Stroke { hit, scale: 0.5, camera, center: DVec3::ZERO, from: Pos2::ZERO, drag, inverse: false, along: false }
     }
 
     #[test]

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use eframe::egui::{TextureHandle, Vec2};
 use glam::DVec3;
 
+use super::cube::Placing;
+use super::grips::GripDrag;
 use super::sculpt::{Made, Stroke};
 use super::settings::Home;
 use super::worker::Other;
@@ -127,13 +129,33 @@ pub enum Doing {
     Nothing,
     Orbit,
     Pan,
-    Stroke { stroke: Box<Stroke>, made: Made },
-    Smooth { base: Arc<Document> },
-    Handle { item: usize, handle: usize, start: DVec3, scale: f64, drag: Vec2 },
-    Arrow { axis: usize, start: DVec3, drag: Vec2, scale: f64 },
+    Stroke {
+        stroke: Box<Stroke>,
+        made: Made,
+    },
+    Smooth {
+        base: Arc<Document>,
+    },
+    Handle {
+        item: usize,
+        handle: usize,
+        start: DVec3,
+        scale: f64,
+        drag: Vec2,
+    },
+    /// A part of the gizmo in the texture cube.
+    Placing(Placing),
+    /// A handle of the selected deformation.
+    Grip(Box<GripDrag>),
     Wipe,
-    Radius { start: f64, from: f32 },
-    Strength { start: f64, from: f32 },
+    Radius {
+        start: f64,
+        from: f32,
+    },
+    Strength {
+        start: f64,
+        from: f32,
+    },
 }
 
 /// A sentence in the corner, for a while.

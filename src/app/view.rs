@@ -8,10 +8,9 @@ use glam::{DMat3, DVec3};
 
 use super::modeller::Modeller;
 use super::navigate::{self, Projector, world_per_point};
-use super::overlay;
 use super::sculpt::{Hand, Made, Stroke, Tool, smoothed};
 use super::state::{Doing, Layout};
-use super::theme;
+use super::{cube, grips, overlay, theme};
 use crate::deform::{Deformation, Deformer, Lattice};
 use crate::evaluate::load::Object;
 use crate::evaluate::pick::{Hit, Probe, Ray};
@@ -52,6 +51,8 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     // the camera may just have moved: what lies over the picture belongs to the picture that is there
     overlay::show(m, ui, rect, &scene, response.hovered());
     overlay::axes(m, ui, rect, &scene);
+    grips::show(m, ui, rect, &scene);
+    cube::show(m, ui, rect, &scene);
     menu(m, &response);
 }
 
@@ -176,8 +177,8 @@ fn pointer(m: &mut Modeller, ui: &egui::Ui, response: &Response, rect: Rect, sce
         return;
     }
 
-    // wheel: zoom to the pointer
-    if response.hovered() {
+    // wheel: zoom to the pointer, also over handles
+    if response.contains_pointer() {
         let scroll = ctx.input(|i| i.smooth_scroll_delta().y);
         let pinch = f64::from(ctx.input(egui::InputState::zoom_delta));
         let factor = (f64::from(scroll) * 0.004).exp() * if scroll == 0.0 { pinch } else { 1.0 };
@@ -244,11 +245,6 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
             return Doing::Wipe;
         }
     }
-    if m.view.cube
-        && let Some(axis) = overlay::arrow_at(m, scene, rect, from)
-    {
-        return arrow(m, scene, rect, axis);
-    }
     match m.hand.tool {
         Tool::Lattice => {
             if let Some(doing) = handle_at(m, scene, rect, from) {
@@ -268,6 +264,7 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
                     scale: world_per_point(&scene.camera, rect, hit.point),
                     camera: scene.camera,
                     center: scene.object.volume.grid.center(),
+                    from,
                     drag: Vec2::ZERO,
                     inverse: modifiers.ctrl || modifiers.command,
                     along: modifiers.shift,
@@ -281,13 +278,8 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
     Doing::Orbit
 }
 
-fn arrow(m: &Modeller, scene: &Scene, rect: Rect, axis: usize) -> Doing {
-    let start = m.desk.as_ref().map_or(DVec3::ZERO, |d| d.history.document().placement.translate);
-    let scale = overlay::cube_scale(scene, rect);
-    Doing::Arrow { axis, start, drag: Vec2::ZERO, scale }
-}
-
-fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modifiers: egui::Modifiers) {
+/// A drag in the main view goes on.
+pub fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modifiers: egui::Modifiers) {
     if delta == Vec2::ZERO {
         return;
     }
@@ -297,7 +289,8 @@ fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modi
         Doing::Pan => m.edit(Edit::SetCamera(navigate::pan(&scene.spec, &scene.camera, delta, rect))),
         Doing::Wipe => m.view.wipe = ((at.x - rect.left()) / rect.width()).clamp(0.02, 0.98),
         Doing::Stroke { stroke, made } => {
-            stroke.drag += delta;
+            // from where it took hold, not from where the drag was noticed
+            stroke.drag = at - stroke.from;
             stroke.inverse = modifiers.ctrl || modifiers.command;
             stroke.along = modifiers.shift;
             if let Some(desk) = &mut m.desk {
@@ -328,27 +321,13 @@ fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modi
             let moved = (axes.x_axis * f64::from(drag.x) - axes.y_axis * f64::from(drag.y)) * *scale;
             move_handle(m, *item, *handle, *start + moved);
         }
-        Doing::Arrow { axis, start, drag, scale } => {
-            *drag += delta;
-            let axes = scene.camera.axes();
-            let direction = [DVec3::X, DVec3::Y, DVec3::Z][*axis];
-            // along the arrow as it is seen
-            let seen = Vec2::new(direction.dot(axes.x_axis) as f32, -direction.dot(axes.y_axis) as f32);
-            let length = f64::from(seen.length_sq()).max(0.02);
-            let along = f64::from(drag.dot(seen)) / length * *scale;
-            if let Some(desk) = &m.desk {
-                let placement = desk.history.document().placement;
-                let translate = *start + direction * along;
-                m.edit(Edit::SetPlacement(crate::scene::Placement { translate, ..placement }));
-            }
-        }
-        Doing::Nothing | Doing::Radius { .. } | Doing::Strength { .. } => {}
+        Doing::Nothing | Doing::Radius { .. } | Doing::Strength { .. } | Doing::Placing(_) | Doing::Grip(_) => {}
     }
     m.doing = doing;
 }
 
 /// The button has gone up: what was done is a step.
-fn end(m: &mut Modeller) {
+pub fn end(m: &mut Modeller) {
     let doing = std::mem::replace(&mut m.doing, Doing::Nothing);
     let preview = m.desk.as_mut().and_then(|d| d.preview.take());
     match doing {
@@ -377,6 +356,12 @@ fn end(m: &mut Modeller) {
         Doing::Handle { .. } => {
             if let Some(document) = preview {
                 m.edit(Edit::ReplaceAll(document.stack.clone()));
+            }
+        }
+        Doing::Grip(grip) => grips::keep(m, &grip),
+        Doing::Placing(_) => {
+            if let Some(document) = preview {
+                m.edit(Edit::SetPlacement(document.placement));
             }
         }
         _ => {}

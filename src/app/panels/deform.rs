@@ -25,7 +25,25 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
 }
 
 fn brush(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
-    title(ui, &format!("Brush: {}", m.hand.tool.name()));
+    title(ui, m.hand.tool.name());
+    if m.hand.tool.is_brush() {
+        ball(m, ui, unit, focus);
+    } else {
+        ui.add(egui::Label::new(RichText::new(m.hand.tool.hint()).color(theme::dim(ui))).wrap());
+    }
+    let Some(desk) = &m.desk else { return };
+    let mut folds = desk.history.document().allow_folds;
+    if ui
+        .checkbox(&mut folds, "Let strokes fold")
+        .on_hover_text("Otherwise a stroke is held back before it folds")
+        .changed()
+    {
+        m.edit(Edit::SetAllowFolds(folds));
+    }
+}
+
+/// The ball of a brush, and how it fades.
+fn ball(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
     row(ui, "Radius", |ui, id| {
         let range = 0.01 * focus..=1.5 * focus;
         ui.add(
@@ -58,15 +76,6 @@ fn brush(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
     if m.hand.tool == Tool::Grab {
         ui.checkbox(&mut m.hand.moves_shape, "The shape follows")
             .on_hover_text("A mesh that is not the box moves along");
-    }
-    let Some(desk) = &m.desk else { return };
-    let mut folds = desk.history.document().allow_folds;
-    if ui
-        .checkbox(&mut folds, "Let strokes fold")
-        .on_hover_text("Otherwise a stroke is held back before it folds")
-        .changed()
-    {
-        m.edit(Edit::SetAllowFolds(folds));
     }
 }
 
