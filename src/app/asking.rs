@@ -30,6 +30,8 @@ struct Key {
     sections: Option<(DVec3, usize)>,
     growth: bool,
     tessellation: bool,
+    tets: Option<DVec3>,
+    heat: bool,
     dark: bool,
     data: Arc<Data>,
 }
@@ -38,8 +40,9 @@ impl Key {
     fn same(&self, k: &Self) -> bool {
         (Arc::ptr_eq(&self.document, &k.document) || self.document == k.document)
             && Arc::ptr_eq(&self.data, &k.data)
-            && (self.size, self.mode, self.other, self.sections, self.growth, self.tessellation, self.dark)
-                == (k.size, k.mode, k.other, k.sections, k.growth, k.tessellation, k.dark)
+            && (self.size, self.mode, self.other, self.sections, self.dark)
+                == (k.size, k.mode, k.other, k.sections, k.dark)
+            && (self.growth, self.tessellation, self.tets, self.heat) == (k.growth, k.tessellation, k.tets, k.heat)
     }
 }
 
@@ -56,6 +59,8 @@ impl Modeller {
             sections: panels::is_open(&self.tree, Pane::Slices).then_some((self.view.cursor, 256)),
             growth: self.view.growth,
             tessellation: self.view.tessellation && self.view.overlays,
+            tets: (self.view.tets && self.view.overlays).then_some(self.view.cursor),
+            heat: self.view.heat && self.view.overlays,
             dark,
             data: desk.data.clone(),
         };
@@ -83,6 +88,8 @@ impl Modeller {
                 sections: key.sections,
                 growth: key.growth,
                 tessellation: key.tessellation,
+                tets: key.tets,
+                heat: key.heat,
                 ground: theme::view_ground(dark),
             });
             self.wanted = Some(Wanted { key, moving });

@@ -27,6 +27,7 @@ pub const MAP: &[(&str, &str, &str)] = &[
     ("View", "1 2 3 4", "slicing, exact, tets, surface"),
     ("View", "A", "compare with another mode or the original"),
     ("View", "W", "tessellation of a slice"),
+    ("View", "K, J", "tetrahedra; growth and folds"),
     ("View", "Tab", "texture cube"),
     ("View", "M", "slices along the axes"),
     ("View", "H", "overlays"),
@@ -155,6 +156,12 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     }
     if pressed(Key::W) {
         m.view.tessellation = !m.view.tessellation;
+    }
+    if pressed(Key::K) {
+        m.view.tets = !m.view.tets;
+    }
+    if pressed(Key::J) {
+        m.view.heat = !m.view.heat;
     }
     if ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
         m.view.cube = !m.view.cube;

@@ -172,8 +172,13 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
         ui.checkbox(&mut m.view.proxy, "Proxy wireframe");
         ui.checkbox(&mut m.view.boxes, "Handles of the selected deformation");
         ui.checkbox(&mut m.view.tessellation, "Tessellation of a slice   W");
+        ui.checkbox(&mut m.view.tets, "Tetrahedra   K")
+            .on_hover_text("A layer of the lattice at the point that was clicked last, facing the eye (K)");
+        let colours = "blue where material is squeezed, orange where it is stretched, pink where space is folded";
+        ui.checkbox(&mut m.view.heat, "Growth and folds   J")
+            .on_hover_text(format!("On the surface that is seen: {colours} (J)"));
         ui.checkbox(&mut m.view.growth, "Growth and folds in the slices")
-            .on_hover_text("Blue where material is squeezed, orange where it is stretched, red where space is folded");
+            .on_hover_text(format!("In the slices: {colours}"));
         ui.checkbox(&mut m.view.cube, "Texture cube   Tab");
         ui.checkbox(&mut m.show_trace, "Times   F12");
         ui.separator();

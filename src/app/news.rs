@@ -63,6 +63,8 @@ impl Modeller {
                     self.sections = Some(sections);
                     self.textures.window = [f64::NAN; 2];
                 }
+                News::Heat(surface) => self.panels.heat = Some(surface),
+                News::Tets(layer) => self.panels.tets = Some(layer),
                 News::Tessellation(edges) => self.panels.tessellation = Some(edges),
                 News::Failed(what) => self.tell(what, true),
             }

@@ -58,6 +58,10 @@ pub struct ViewState {
     pub proxy: bool,
     pub boxes: bool,
     pub tessellation: bool,
+    /// Tetrahedra of the lattice, in a layer through the cursor.
+    pub tets: bool,
+    /// Growth and folds on the visible surface.
+    pub heat: bool,
     /// Growth and folds in the sections.
     pub growth: bool,
     /// World point of the sections.
@@ -79,6 +83,8 @@ impl Default for ViewState {
             proxy: false,
             boxes: true,
             tessellation: false,
+            tets: false,
+            heat: false,
             growth: false,
             cursor: DVec3::ZERO,
             window: [0.0, 1.0],

@@ -10,7 +10,7 @@ use super::modeller::Modeller;
 use super::navigate::{self, Projector, world_per_point};
 use super::sculpt::{Hand, Made, Stroke, Tool, smoothed};
 use super::state::{Doing, Layout};
-use super::{cube, grips, overlay, theme};
+use super::{cube, grips, heat, overlay, theme};
 use crate::deform::{Deformation, Deformer, Lattice};
 use crate::evaluate::load::Object;
 use crate::evaluate::pick::{Hit, Probe, Ray};
@@ -49,6 +49,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     };
     pointer(m, ui, &response, rect, &scene);
     // the camera may just have moved: what lies over the picture belongs to the picture that is there
+    heat::show(m, ui, rect, &scene);
     overlay::show(m, ui, rect, &scene, response.hovered());
     overlay::axes(m, ui, rect, &scene);
     grips::show(m, ui, rect, &scene);

@@ -13,12 +13,15 @@ use std::time::Instant;
 use eframe::egui::{self, ColorImage};
 use glam::DVec3;
 
+use super::soften;
 use crate::compare::Difference;
 use crate::compare::picture::{DifferenceMap, Scale, pictures};
 use crate::deform::Stack;
+use crate::evaluate::heat::{HeatSurface, TetLayer};
 use crate::evaluate::load::{Data, Object, Workspace};
 use crate::evaluate::picture::{Backend, Mode, PictureReport, Refinement, Renderer, ViewOptions};
 use crate::evaluate::section::Section;
+use crate::evaluate::tets::Lattice;
 use crate::evaluate::{EvaluateError, geometry, tets};
 use crate::render::{Camera, Look, Picture, Shading};
 use crate::scene::{CameraSpec, Document, LookSpec, ShadingSpec};
@@ -52,6 +55,10 @@ pub struct Want {
     pub growth: bool,
     /// Also the triangles of the middle slice.
     pub tessellation: bool,
+    /// Also the tetrahedra of the lattice at the plane through this point, facing the eye.
+    pub tets: Option<DVec3>,
+    /// Also the growth on the visible surface.
+    pub heat: bool,
     pub ground: [[f32; 3]; 2],
 }
 
@@ -98,6 +105,8 @@ pub enum News {
     Sections(Box<Sections>),
     /// Edges of the triangles of the middle slice, in the world.
     Tessellation(Vec<[DVec3; 2]>),
+    Tets(Arc<TetLayer>),
+    Heat(Arc<HeatSurface>),
     Failed(String),
 }
 
@@ -137,6 +146,7 @@ impl Worker {
                 renderer: None,
                 known: None,
                 warped: None,
+                lattice: None,
                 pace: Pace::default(),
             }
             .run();
@@ -201,6 +211,8 @@ impl Pace {
 
 /// Coarser than this nothing can be made out.
 const COARSEST: f64 = 0.2;
+/// Points of a view at which the growth is measured.
+const HEAT_POINTS: f64 = 14_000.0;
 /// Milliseconds of a picture between the coarse and the full one.
 const BETWEEN: f64 = 160.0;
 
@@ -213,6 +225,8 @@ struct Painter {
     known: Option<Known>,
     /// Of the known object.
     warped: Option<Arc<Object>>,
+    /// Of the known object.
+    lattice: Option<Arc<Lattice>>,
     pace: Pace,
 }
 
@@ -283,6 +297,11 @@ impl Painter {
         if want.tessellation && !stale() {
             self.say(News::Tessellation(tessellation(&object, want)?));
         }
+        if let Some(point) = want.tets
+            && !stale()
+        {
+            self.tets(want, &object, point)?;
+        }
         if want.moving {
             return Ok(());
         }
@@ -292,6 +311,28 @@ impl Painter {
         }
         if coarse < 1.0 {
             self.picture(generation, asked, want, &object, 1.0, slices(1.0), false, &stale)?;
+        }
+        if want.heat && !stale() {
+            let camera = object.camera(&want.document.camera);
+            let shading = want.document.look.look(object.iso).shading;
+            let pixels = f64::from(want.size.0) * f64::from(want.size.1);
+            let step = (pixels / HEAT_POINTS).sqrt().max(3.0);
+            if let Some(surface) = HeatSurface::of(&object, &camera, shading, want.size, step, &stale) {
+                self.say(News::Heat(Arc::new(surface)));
+            }
+        }
+        Ok(())
+    }
+
+    /// A layer of the lattice. While a stroke is under way the one before stays.
+    fn tets(&mut self, want: &Want, object: &Object, point: DVec3) -> Result<(), EvaluateError> {
+        if self.lattice.is_none() && !want.moving {
+            let lattice = tets::lattice(object, Refinement::Tolerance(tets::TOLERANCE))?;
+            self.lattice = Some(Arc::new(lattice));
+        }
+        if let Some(lattice) = &self.lattice {
+            let normal = object.camera(&want.document.camera).to_eye();
+            self.say(News::Tets(Arc::new(TetLayer::of(lattice, point, normal))));
         }
         Ok(())
     }
@@ -315,6 +356,7 @@ impl Painter {
         let object = Arc::new(known.workspace.object(&want.document)?);
         known.made = Some((want.document.clone(), object.clone()));
         self.warped = None;
+        self.lattice = None;
         self.say(News::Object(want.document.clone(), object.clone()));
         Ok(object)
     }
@@ -369,9 +411,12 @@ impl Painter {
                 }
             }
         };
+        // what will be stretched is made smooth first
+        let smooth = |image: ColorImage| Arc::new(if scale < 0.75 { soften::doubled(&image) } else { image });
+        let other = other.map(|o| if scale < 0.75 { OtherShown { image: smooth((*o.image).clone()), ..o } } else { o });
         self.say(News::Picture(Box::new(Shown {
             generation,
-            image: Arc::new(image(&main)),
+            image: smooth(image(&main)),
             other,
             report,
             scale: scale as f32,

@@ -12,6 +12,7 @@ mod error;
 pub mod experiments;
 pub mod export;
 pub mod geometry;
+pub mod heat;
 pub mod load;
 mod mask;
 pub mod pick;
