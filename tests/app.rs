@@ -304,6 +304,86 @@ fn the_shape_is_moved_turned_and_scaled_in_the_texture_cube() {
     h.check_accessibility();
 }
 
+/// What is outside the range stays: the displacement of a masked stroke is a lattice that holds still there.
+#[test]
+fn a_mask_by_value_holds_back_what_it_does_not_hold() {
+    use voxclay::deform::Deformer;
+    use voxclay::math::BackwardMap;
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:48", home.path());
+    let at = middle(&h);
+    h.get_by_label("Only values").click();
+    h.run_steps(3);
+    h.get_by_label("Mask, from");
+    until(&mut h, "the mask", |m| m.desk.as_ref().is_some_and(|d| d.mask.is_some()));
+    drag(&mut h, at, Vec2::new(30.0, 10.0), PointerButton::Primary, Modifiers::NONE);
+    let made = items(&h);
+    assert!(made.len() == 1 && made[0].name == "Grab 1, masked", "{made:?}");
+    let deformer = &made[0].deformer;
+    assert!(matches!(deformer, Deformer::Lattice(_)) && deformer.steepness() < 1.0);
+    settled(&mut h);
+    // air moves much less than what is within the range
+    let desk = m(&mut h).desk.as_ref().unwrap();
+    let mask = desk.mask.clone().unwrap();
+    let support = deformer.support();
+    let (mut inside, mut outside) = (0.0_f64, 0.0_f64);
+    for i in 0..4000 {
+        let t = |k: f64| 2.0 * (f64::from(i) * k).fract() - 1.0;
+        let p =
+            support.center + support.axes * (support.half * glam::DVec3::new(t(0.754_877), t(0.569_840), t(0.430_159)));
+        let from = deformer.backward(p);
+        let most = if mask.at(from) > 0.99 { &mut inside } else { &mut outside };
+        if !(0.01..=0.99).contains(&mask.at(from)) {
+            *most = most.max((p - from).length());
+        }
+    }
+    assert!(inside > 0.0 && outside < inside, "{outside} {inside}");
+    // a range that nothing has
+    let top = m(&mut h).desk.as_ref().unwrap().data.field.range[1];
+    m(&mut h).hand.mask = Some([top, top]);
+    until(&mut h, "the mask", |m| m.desk.as_ref().is_some_and(|d| d.mask.as_ref().is_some_and(|k| k.range[0] == top)));
+    drag(&mut h, at, Vec2::new(30.0, 10.0), PointerButton::Primary, Modifiers::NONE);
+    assert_eq!(strokes(&h), 1);
+    assert!(m(&mut h).notices.iter().any(|n| n.text.contains("within the mask")));
+}
+
+#[test]
+fn overlays_come_and_need_no_new_picture() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:40", home.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(40.0, 20.0), PointerButton::Primary, Modifiers::NONE);
+    settled(&mut h);
+    let generation = m(&mut h).shown.as_ref().unwrap().generation;
+    key(&mut h, Modifiers::NONE, Key::J);
+    key(&mut h, Modifiers::NONE, Key::K);
+    until(&mut h, "growth and tetrahedra", |m| m.panels.heat.is_some() && m.panels.tets.is_some());
+    h.run_steps(20);
+    assert_eq!(m(&mut h).shown.as_ref().unwrap().generation, generation);
+    let heat = m(&mut h).panels.heat.clone().unwrap();
+    assert!(heat.growth.iter().any(|g| *g > 1.2) && heat.growth.iter().any(|g| (g - 1.0).abs() < 1e-6));
+    let layer = m(&mut h).panels.tets.clone().unwrap();
+    assert!(layer.tets > 384 && layer.folded == 0 && layer.edges.len() > 50);
+}
+
+#[test]
+fn a_free_orbit_goes_over_the_pole() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:orange:32", home.path());
+    let corner = h.get_by_label("Main view").rect().left_top() + Vec2::splat(20.0);
+    let pitch = |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().camera.pitch;
+    let turn = |h: &mut Bench| drag(h, corner, Vec2::new(0.0, 560.0), PointerButton::Middle, Modifiers::NONE);
+    turn(&mut h);
+    assert!((80.0..90.0).contains(&pitch(&h)));
+    h.get_by_label("View").click();
+    h.run_steps(4);
+    h.get_by_label("Orbit: Free, over the poles").click();
+    h.run_steps(4);
+    key(&mut h, Modifiers::NONE, Key::Escape);
+    turn(&mut h);
+    assert!(pitch(&h).abs() > 120.0, "{}", pitch(&h));
+}
+
 /// A slider that is dragged twice makes two steps.
 #[test]
 fn letting_go_ends_a_step() {

@@ -9,8 +9,8 @@ use glam::DVec3;
 use super::modeller::Modeller;
 use super::panels::{self, Pane};
 use super::state::REST;
-use super::theme;
 use super::worker::{Other, Want};
+use super::{tasks, theme};
 use crate::evaluate::load::Data;
 use crate::evaluate::picture::Mode;
 use crate::scene::Document;
@@ -96,6 +96,15 @@ impl Modeller {
         }
         if moving {
             ctx.request_repaint_after(REST);
+        }
+    }
+
+    /// The mask for the range that is set, as soon as it is.
+    pub(super) fn ask_mask(&mut self, ctx: &egui::Context) {
+        let (Some(desk), Some(range)) = (&self.desk, self.hand.mask) else { return };
+        let known = desk.mask.as_ref().is_some_and(|m| m.range == range);
+        if !known && !self.tasks.iter().any(|t| t.name == tasks::MASKING) {
+            self.tasks.push(tasks::mask(ctx, desk.data.clone(), range));
         }
     }
 

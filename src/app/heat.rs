@@ -31,7 +31,7 @@ pub fn color(growth: f32) -> Color32 {
 
 /// How much of the colour lies over what is as it was: nothing, so that a picture without growth stays itself.
 pub fn weight(growth: f32) -> f32 {
-    if growth <= 0.0 || !growth.is_finite() { 0.85 } else { (2.5 * place(growth).abs()).min(0.8) }
+    if growth <= 0.0 || !growth.is_finite() { 0.85 } else { (1.3 * place(growth).abs()).min(0.8) }
 }
 
 pub fn show(m: &Modeller, ui: &egui::Ui, rect: Rect, scene: &Scene) {
@@ -109,7 +109,7 @@ fn legend(painter: &Painter, rect: Rect, heat: bool, layer: Option<&TetLayer>, w
     if !heat {
         return;
     }
-    let ground = Rect::from_min_max(bar.min - Vec2::new(10.0, 16.0), bar.max + Vec2::new(76.0, 16.0));
+    let ground = Rect::from_min_max(bar.min - Vec2::new(22.0, 16.0), bar.max + Vec2::new(76.0, 16.0));
     painter.rect_filled(ground, 4.0, Color32::from_black_alpha(150));
     let steps = 50;
     for i in 0..steps {

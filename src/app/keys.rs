@@ -23,6 +23,7 @@ pub const MAP: &[(&str, &str, &str)] = &[
     ("View", "Wheel", "zoom to the pointer; with Ctrl the radius"),
     ("View", "Home", "frame all"),
     ("View", "Ctrl 1 3 7", "front, right, top; with Shift back, left, bottom"),
+    ("View", "Pad 1 3 7", "the same without Num Lock; with Ctrl back, left, bottom"),
     ("View", "5", "perspective or parallel"),
     ("View", "1 2 3 4", "slicing, exact, tets, surface"),
     ("View", "A", "compare with another mode or the original"),
@@ -104,7 +105,19 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     let command = ctx.input(|i| i.modifiers.command);
     let shift = ctx.input(|i| i.modifiers.shift);
     let pressed = |key: Key| ctx.input(|i| i.key_pressed(key));
-    standard_views(m, &pressed, command, shift);
+    // without Num Lock, the numeric pad sends other keys from the places of its digits
+    let pad = ctx.input(|i| {
+        i.events.iter().find_map(|e| match e {
+            egui::Event::Key {
+                key: Key::End | Key::PageDown | Key::Home,
+                physical_key: Some(digit @ (Key::Num1 | Key::Num3 | Key::Num7)),
+                pressed: true,
+                ..
+            } => Some(*digit),
+            _ => None,
+        })
+    });
+    standard_views(m, &pressed, pad, command, shift);
     if command {
         return;
     }
@@ -182,10 +195,10 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     }
 }
 
-fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool, shift: bool) {
+fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, pad: Option<Key>, command: bool, shift: bool) {
     let Some(scene) = view::scene(m) else { return };
     let mut to = None;
-    if pressed(Key::Home) {
+    if pressed(Key::Home) && pad.is_none() {
         to = Some(navigate::frame(&scene.spec));
     }
     let views = [
@@ -194,9 +207,11 @@ fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool
         (Key::Num7, Standard::Top, Standard::Bottom),
     ];
     for (key, plain, other) in views {
-        // the digits alone are modes: the window system does not tell those of the numeric pad apart
+        // the digits alone are modes: those of the numeric pad cannot be told apart while Num Lock is on
         if pressed(key) && command {
             to = Some(if shift { other } else { plain }.of(&scene.spec));
+        } else if pad == Some(key) {
+            to = Some(if command { other } else { plain }.of(&scene.spec));
         }
     }
     if pressed(Key::Num5) {

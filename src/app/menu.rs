@@ -5,6 +5,7 @@ use egui_material_icons::{MaterialIcon, icons};
 
 use super::desk::file_name;
 use super::modeller::Modeller;
+use super::navigate::Orbit;
 use super::panels::{self, Pane};
 use super::sculpt::Tool;
 use super::state::{After, Doing, Question};
@@ -181,6 +182,15 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
             .on_hover_text(format!("In the slices: {colours}"));
         ui.checkbox(&mut m.view.cube, "Texture cube   Tab");
         ui.checkbox(&mut m.show_trace, "Times   F12");
+        ui.separator();
+        let before = m.settings.orbit;
+        for orbit in Orbit::ALL {
+            ui.radio_value(&mut m.settings.orbit, orbit, format!("Orbit: {}", orbit.name()));
+        }
+        if m.settings.orbit != before {
+            let ctx = ui.ctx().clone();
+            m.apply_settings(&ctx);
+        }
         ui.separator();
         if let Some(scene) = super::view::scene(m) {
             if item(ui, "Frame all", "Home") {

@@ -16,6 +16,7 @@
 mod asking;
 mod cube;
 mod desk;
+mod fonts;
 mod gizmo;
 mod grips;
 mod heat;

@@ -28,6 +28,7 @@ impl Modeller {
                     }
                     if desk.object.is_none() {
                         let (center, radius) = object.focus;
+                        // a mask was of the values of another volume
                         self.hand = Hand { tool: self.hand.tool, mirror: self.hand.mirror, ..Hand::for_size(radius) };
                         self.view.cursor = center;
                         self.view.window = object.window;
@@ -111,6 +112,13 @@ impl Modeller {
                 }
                 Outcome::Written(path) => self.tell(format!("Wrote {}", path.display()), false),
                 Outcome::Chosen(purpose, path) => self.chosen(ctx, purpose, &path),
+                Outcome::Masked(data, mask) => {
+                    if let Some(desk) = &mut self.desk
+                        && Arc::ptr_eq(&desk.data, &data)
+                    {
+                        desk.mask = Some(mask);
+                    }
+                }
                 Outcome::Nothing => {}
                 Outcome::Failed(what) => {
                     self.then = After::Nothing;
@@ -162,7 +170,7 @@ impl Modeller {
         self.measure.clear();
         self.sections = None;
         self.panels = PanelState::default();
-        self.desk = Some(Desk { history, path, base, data, object: None, preview: None });
+        self.desk = Some(Desk { history, path, base, data, object: None, preview: None, mask: None });
         for w in warnings {
             self.tell(w, false);
         }

@@ -5,6 +5,7 @@ use eframe::egui::{self, RichText};
 use super::desk::file_name;
 use super::keys;
 use super::modeller::Modeller;
+use super::navigate::Orbit;
 use super::settings::ThemeChoice;
 use super::state::{After, Question};
 use super::tasks::{self, Purpose};
@@ -180,6 +181,13 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
                     ui.horizontal(|ui| {
                         ui.selectable_value(&mut m.settings.theme, ThemeChoice::Dark, "Dark");
                         ui.selectable_value(&mut m.settings.theme, ThemeChoice::Light, "Light");
+                    });
+                    ui.end_row();
+                    ui.label("Orbit");
+                    ui.horizontal(|ui| {
+                        for orbit in Orbit::ALL {
+                            ui.selectable_value(&mut m.settings.orbit, orbit, orbit.name());
+                        }
                     });
                     ui.end_row();
                     let label = ui.label("Size of the interface");

@@ -258,6 +258,11 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
             }
         }
         tool if tool.is_brush() => {
+            let ready = |d: &super::desk::Desk| d.mask.as_ref().is_some_and(|k| Some(k.range) == m.hand.mask);
+            if m.hand.mask.is_some() && !m.desk.as_ref().is_some_and(ready) {
+                m.tell("The mask is being prepared: try again in a moment".to_owned(), false);
+                return Doing::Nothing;
+            }
             if let Some(hit) = pick(m, scene, rect, from) {
                 m.hover = Some(hit);
                 let stroke = Stroke {
@@ -286,7 +291,7 @@ pub fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, 
     }
     let mut doing = std::mem::replace(&mut m.doing, Doing::Nothing);
     match &mut doing {
-        Doing::Orbit => m.edit(Edit::SetCamera(navigate::orbit(&scene.spec, delta, rect))),
+        Doing::Orbit => m.edit(Edit::SetCamera(navigate::orbit(&scene.spec, m.settings.orbit, delta, rect))),
         Doing::Pan => m.edit(Edit::SetCamera(navigate::pan(&scene.spec, &scene.camera, delta, rect))),
         Doing::Wipe => m.view.wipe = ((at.x - rect.left()) / rect.width()).clamp(0.02, 0.98),
         Doing::Stroke { stroke, made } => {
@@ -297,7 +302,8 @@ pub fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, 
             if let Some(desk) = &mut m.desk {
                 // numbers that make no deformation leave the last one
                 let hand = Hand { strength: m.hand.strength * f64::from(m.pressure), ..m.hand };
-                if let Ok(new) = stroke.make(&hand, desk.history.document()) {
+                let mask = hand.mask.and(desk.mask.as_deref());
+                if let Ok(new) = stroke.make(&hand, desk.history.document(), mask) {
                     *made = new;
                     let mut document = (**desk.history.document()).clone();
                     document.stack.items.extend_from_slice(&made.items);
@@ -332,12 +338,17 @@ pub fn end(m: &mut Modeller) {
     let doing = std::mem::replace(&mut m.doing, Doing::Nothing);
     let preview = m.desk.as_mut().and_then(|d| d.preview.take());
     match doing {
+        Doing::Stroke { stroke, made }
+            if made.items.is_empty() && m.hand.mask.is_some() && stroke.drag.length() > 4.0 =>
+        {
+            m.tell("Nothing here has a value within the mask".to_owned(), false);
+        }
         Doing::Stroke { made, .. } if !made.items.is_empty() => {
             let back = made.asked - made.kept;
             if back > 1e-3 * made.asked {
                 let unit = m.desk.as_ref().map_or("units", |d| d.unit());
                 let tool = m.hand.tool;
-                let how = if matches!(tool, Tool::Grab | Tool::Push) {
+                let how = if matches!(tool, Tool::Grab | Tool::Push) && m.hand.mask.is_none() {
                     format!("{back:.1} of {:.1} {unit}", made.asked)
                 } else {
                     format!("{:.0} % of it", 100.0 * back / made.asked)

@@ -62,6 +62,16 @@ pub struct Want {
     pub ground: [[f32; 3]; 2],
 }
 
+impl Want {
+    /// Whether the main view would be the same.
+    fn same_picture(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.data, &other.data)
+            && (Arc::ptr_eq(&self.document, &other.document) || self.document == other.document)
+            && self.base == other.base
+            && (self.size, self.mode, self.other, self.ground) == (other.size, other.mode, other.other, other.ground)
+    }
+}
+
 /// A picture and its other, if there is one.
 #[derive(Debug, Clone)]
 pub struct Shown {
@@ -147,6 +157,7 @@ impl Worker {
                 known: None,
                 warped: None,
                 lattice: None,
+                full: None,
                 pace: Pace::default(),
             }
             .run();
@@ -227,6 +238,8 @@ struct Painter {
     warped: Option<Arc<Object>>,
     /// Of the known object.
     lattice: Option<Arc<Lattice>>,
+    /// What the window has a full picture of.
+    full: Option<Want>,
     pace: Pace,
 }
 
@@ -281,7 +294,11 @@ impl Painter {
         let stale = move || shared.newest.load(Ordering::SeqCst) != generation;
         let factor = if want.other.is_some() { 0.5 } else { 1.0 };
         let coarse = self.pace.scale(want.size, slices(0.5), f64::from(want.budget) * factor);
-        self.picture(generation, asked, want, &object, coarse, slices(coarse), want.moving, &|| false)?;
+        // an overlay alone needs no new picture: a coarse one would only flicker
+        let seen = self.full.as_ref().is_some_and(|full| full.same_picture(want));
+        if !seen {
+            self.picture(generation, asked, want, &object, coarse, slices(coarse), want.moving, &|| false)?;
+        }
         if let Some((point, longest)) = want.sections
             && !stale()
         {
@@ -306,10 +323,10 @@ impl Painter {
             return Ok(());
         }
         let between = self.pace.scale(want.size, slices(0.7), BETWEEN * factor);
-        if between > 1.3 * coarse && between < 0.8 && !stale() {
+        if !seen && between > 1.3 * coarse && between < 0.8 && !stale() {
             self.picture(generation, asked, want, &object, between, slices(between), false, &stale)?;
         }
-        if coarse < 1.0 {
+        if !seen && coarse < 1.0 {
             self.picture(generation, asked, want, &object, 1.0, slices(1.0), false, &stale)?;
         }
         if want.heat && !stale() {
@@ -411,6 +428,7 @@ impl Painter {
                 }
             }
         };
+        self.full = last.then(|| want.clone());
         // what will be stretched is made smooth first
         let smooth = |image: ColorImage| Arc::new(if scale < 0.75 { soften::doubled(&image) } else { image });
         let other = other.map(|o| if scale < 0.75 { OtherShown { image: smooth((*o.image).clone()), ..o } } else { o });

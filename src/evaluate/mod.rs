@@ -15,6 +15,7 @@ pub mod geometry;
 pub mod heat;
 pub mod load;
 mod mask;
+pub mod masked;
 pub mod pick;
 pub mod picture;
 pub mod resample;
