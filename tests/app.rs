@@ -384,6 +384,35 @@ fn a_free_orbit_goes_over_the_pole() {
     assert!(pitch(&h).abs() > 120.0, "{}", pitch(&h));
 }
 
+/// Longer than any 3D texture, though small: half of it is drawn, with a word about it, and nothing of the document changes.
+#[test]
+fn a_volume_that_the_device_does_not_take_is_shown_coarser() {
+    use voxclay::gpu::{Gpu, Preference};
+    // without any graphics driver there is nothing to be too large for
+    let Ok(gpu) = Gpu::open(Preference::Any) else { return };
+    let long = gpu.limits().max_texture_dimension_3d as usize + 1000;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("long.nrrd");
+    let grid =
+        voxclay::volume::Grid::new([long, 4, 4], glam::DAffine3::IDENTITY, voxclay::volume::Space::Unknown).unwrap();
+    let samples = (0..16 * long).map(|i| if i % long % 500 < 250 { 0 } else { 200 }).collect();
+    let volume = voxclay::volume::Volume::new(grid, 1, voxclay::volume::Samples::U8(samples));
+    io::write_volume(&path, &volume, &io::WriteOptions::default()).unwrap();
+    let start =
+        Start { files: vec![path.to_string_lossy().into_owned()], backend: Backend::Gpu, home: Home::at(dir.path()) };
+    let mut h = Harness::builder().with_size([900.0, 600.0]).with_step_dt(1.0 / 60.0).build_ui_state(
+        move |ui: &mut egui::Ui, m: &mut Option<Modeller>| {
+            m.get_or_insert_with(|| Modeller::new(ui.ctx(), start.clone())).ui(ui);
+        },
+        None,
+    );
+    until(&mut h, "a picture", |m| m.shown.as_ref().is_some_and(|s| s.last));
+    let m = m(&mut h);
+    assert!(m.notices.iter().any(|n| !n.error && n.text.contains("1/2 of its resolution")), "{:?}", m.notices);
+    assert_eq!(m.shown.as_ref().unwrap().report.backend, "gpu");
+    assert_eq!(m.desk.as_ref().unwrap().data.volume.grid.dims, [long, 4, 4]);
+}
+
 /// A slider that is dragged twice makes two steps.
 #[test]
 fn letting_go_ends_a_step() {

@@ -85,6 +85,24 @@ fn item(ui: &mut egui::Ui, name: &str, key: &str) -> bool {
     clicked
 }
 
+/// A line of a menu that is on or off, with its key where the others have theirs.
+fn toggle(ui: &mut egui::Ui, on: &mut bool, name: &str, key: &str, what: String) {
+    let mark = if *on { icons::ICON_CHECK.rich_text() } else { RichText::new("") };
+    let width = 14.0;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 0.0;
+        let row = egui::Button::new(name).shortcut_text(key);
+        let (mark_at, _) = ui.allocate_exact_size(Vec2::new(width, 24.0), egui::Sense::hover());
+        ui.put(mark_at, egui::Label::new(mark.size(14.0).color(theme::ACCENT)));
+        let size = Vec2::new(ui.available_width(), 24.0);
+        let response = ui.add(row.min_size(size)).on_hover_text(what);
+        response.widget_info(|| egui::WidgetInfo::selected(egui::Role::MenuItemCheckBox, true, *on, name));
+        if response.clicked() {
+            *on = !*on;
+        }
+    });
+}
+
 fn file_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
     ui.menu_button("File", |ui| {
         ui.set_min_width(220.0);
@@ -169,19 +187,36 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
             }
         }
         ui.separator();
-        ui.checkbox(&mut m.view.overlays, "Overlays   H");
-        ui.checkbox(&mut m.view.proxy, "Proxy wireframe");
-        ui.checkbox(&mut m.view.boxes, "Handles of the selected deformation");
-        ui.checkbox(&mut m.view.tessellation, "Tessellation of a slice   W");
-        ui.checkbox(&mut m.view.tets, "Tetrahedra   K")
-            .on_hover_text("A layer of the lattice at the point that was clicked last, facing the eye (K)");
         let colours = "blue where material is squeezed, orange where it is stretched, pink where space is folded";
-        ui.checkbox(&mut m.view.heat, "Growth and folds   J")
-            .on_hover_text(format!("On the surface that is seen: {colours} (J)"));
-        ui.checkbox(&mut m.view.growth, "Growth and folds in the slices")
-            .on_hover_text(format!("In the slices: {colours}"));
-        ui.checkbox(&mut m.view.cube, "Texture cube   Tab");
-        ui.checkbox(&mut m.show_trace, "Times   F12");
+        let view = &mut m.view;
+        for (on, name, key, what) in [
+            (&mut view.overlays, "Overlays", "H", "Everything that lies over the picture".to_owned()),
+            (&mut view.proxy, "Proxy wireframe", "", "The mesh that gives the object its shape".to_owned()),
+            (
+                &mut view.boxes,
+                "Handles of the selected deformation",
+                "",
+                "Its box, and handles that move, pull and widen it".to_owned(),
+            ),
+            (&mut view.tessellation, "Tessellation of a slice", "W", "How the slice in the middle is split".to_owned()),
+            (
+                &mut view.tets,
+                "Tetrahedra",
+                "K",
+                "A layer of the lattice at the point that was clicked last, facing the eye".to_owned(),
+            ),
+            (&mut view.heat, "Growth and folds", "J", format!("On the surface that is seen: {colours}")),
+            (&mut view.growth, "Growth and folds in the slices", "", format!("In the slices: {colours}")),
+            (
+                &mut view.cube,
+                "Texture cube",
+                "Tab",
+                "The mesh in the texture cube, with a gizmo that places it".to_owned(),
+            ),
+            (&mut m.show_trace, "Times", "F12", "How long the steps of the window take".to_owned()),
+        ] {
+            toggle(ui, on, name, key, what);
+        }
         ui.separator();
         let before = m.settings.orbit;
         for orbit in Orbit::ALL {

@@ -26,6 +26,7 @@ mod modeller;
 pub mod navigate;
 mod news;
 mod overlay;
+mod pace;
 mod panels;
 mod pass;
 mod place;

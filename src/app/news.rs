@@ -67,6 +67,7 @@ impl Modeller {
                 News::Heat(surface) => self.panels.heat = Some(surface),
                 News::Tets(layer) => self.panels.tets = Some(layer),
                 News::Tessellation(edges) => self.panels.tessellation = Some(edges),
+                News::Note(what) => self.tell(what, false),
                 News::Failed(what) => self.tell(what, true),
             }
         }

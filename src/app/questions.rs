@@ -154,18 +154,16 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
             }
             Question::Keys => {
                 ui.heading("Keys");
-                let mut group = "";
-                egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
-                    for (g, key, what) in keys::MAP {
-                        if *g != group {
-                            ui.label(RichText::new(*g).strong());
-                            ui.end_row();
-                            group = g;
+                // side by side, so that the whole map fits into a small window
+                ui.set_width(KEYS_WIDTH.min(ctx.content_rect().width() - 80.0));
+                egui::ScrollArea::vertical().max_height(ctx.content_rect().height() - 180.0).show(ui, |ui| {
+                    ui.columns(2, |columns| {
+                        for (column, groups) in columns.iter_mut().zip([&["Tools", "Work"][..], &["View"]]) {
+                            for group in groups {
+                                key_group(column, group);
+                            }
                         }
-                        ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
-                        ui.label(*what);
-                        ui.end_row();
-                    }
+                    });
                 });
                 buttons(ui, |ui| {
                     if ui.button("Close").clicked() {
@@ -225,6 +223,22 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
         }
     });
     m.question = next;
+}
+
+/// Of the map of keys.
+const KEYS_WIDTH: f32 = 860.0;
+
+/// The keys of one group.
+fn key_group(ui: &mut egui::Ui, group: &str) {
+    ui.add_space(8.0);
+    ui.label(RichText::new(group).strong());
+    egui::Grid::new(("keys", group)).num_columns(2).spacing([16.0, 4.0]).min_row_height(20.0).show(ui, |ui| {
+        for (_, key, what) in keys::MAP.iter().filter(|(g, ..)| *g == group) {
+            ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
+            ui.add(egui::Label::new(*what).wrap());
+            ui.end_row();
+        }
+    });
 }
 
 fn describe(aside: &super::recovery::Aside) -> String {

@@ -351,7 +351,7 @@ pub fn end(m: &mut Modeller) {
                 let how = if matches!(tool, Tool::Grab | Tool::Push) && m.hand.mask.is_none() {
                     format!("{back:.1} of {:.1} {unit}", made.asked)
                 } else {
-                    format!("{:.0} % of it", 100.0 * back / made.asked)
+                    format!("{:.0} %", 100.0 * back / made.asked)
                 };
                 m.tell(
                     format!("The stroke was held back by {how}: more would fold. A larger radius reaches farther."),

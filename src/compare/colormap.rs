@@ -53,7 +53,7 @@ pub fn diverging(t: f64) -> [u8; 3] {
 
 const MIDDLE: f64 = 0.93;
 const END: f64 = 0.60;
-const CHROMA: f64 = 0.155;
+const CHROMA: f64 = 0.15;
 const BLUE: f64 = 255.0;
 const ORANGE: f64 = 52.0;
 

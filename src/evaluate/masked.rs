@@ -104,16 +104,19 @@ impl ValueMask {
 pub fn masked(stroke: &Deformer, before: &Prepared, mask: &ValueMask) -> Result<Option<Deformer>, DeformError> {
     let lattice = Lattice::new(stroke.support(), [HANDLES; 3])?;
     let places: Vec<DVec3> = lattice.indices().map(|i| lattice.place(i)).collect();
-    let vectors: Vec<DVec3> = places
+    let (vectors, free): (Vec<DVec3>, Vec<f64>) = places
         .par_iter()
         .map(|p| {
             // the material that the stroke brings here, and where it was at first
             let from = stroke.backward(*p);
-            (*p - from) * mask.at(before.backward(from))
+            let free = *p - from;
+            // most of a box does not move
+            let part = if free == DVec3::ZERO { 0.0 } else { mask.at(before.backward(from)) };
+            (free * part, free.length())
         })
-        .collect();
+        .unzip();
     let most = vectors.iter().map(|v| v.length()).fold(0.0, f64::max);
-    let free = places.iter().map(|p| (*p - stroke.backward(*p)).length()).fold(0.0, f64::max);
+    let free = free.into_iter().fold(0.0, f64::max);
     if most <= 1e-3 * free {
         return Ok(None);
     }

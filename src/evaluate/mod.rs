@@ -7,6 +7,7 @@
 
 pub mod certificate;
 mod clip;
+pub mod coarser;
 pub mod compare;
 mod error;
 pub mod experiments;
