@@ -19,7 +19,7 @@ WINDOW_PACKAGES := libxkbcommon-x11-0 libx11-xcb1 libxcursor1 libxi6 libxrandr2 
 run: setup
 	$(CARGO) build --release --locked
 ifeq ($(shell uname -s),Linux)
-	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ]; then $(MAKE) --no-print-directory window && ./target/release/voxclay app; \
+	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ]; then $(MAKE) --no-print-directory window && { ./target/release/voxclay app || echo "If there is no window to be had here: ./target/release/voxclay demo -o $(OUT)"; }; \
 	else echo "There is no display here, so the demo runs instead."; ./target/release/voxclay demo -o $(OUT); fi
 else
 	./target/release/voxclay app

@@ -195,6 +195,242 @@ fn panels_answer_to_their_names() {
     h.check_accessibility();
 }
 
+/// The deformations as they are in the document.
+fn items(h: &Bench) -> Vec<voxclay::deform::Deformation> {
+    h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().stack.items.clone()
+}
+
+/// The number of the step that is shown.
+fn steps(h: &Bench) -> usize {
+    h.state().as_ref().unwrap().desk.as_ref().unwrap().history.at()
+}
+
+#[test]
+fn handles_of_a_deformation_are_dragged_in_one_step_each() {
+    use voxclay::deform::Deformer;
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:40", home.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(30.0, 15.0), PointerButton::Primary, Modifiers::NONE);
+    settled(&mut h);
+    // nothing is in the way until it is selected
+    assert!(h.query_by_label("Tip of Grab 1").is_none());
+    h.get_by_label("Grab 1").click();
+    h.run_steps(3);
+    let numbers = |h: &Bench| match &items(h)[0].deformer {
+        Deformer::Displacement(d) => (d.point(), d.vector(), d.extent()),
+        other => panic!("{other:?}"),
+    };
+    for (what, way) in [("Tip", Vec2::new(10.0, -14.0)), ("Point", Vec2::new(-20.0, 8.0)), ("Half-width u", Vec2::ZERO)]
+    {
+        let label = format!("{what} of Grab 1");
+        let from = h.get_by_label(&label).rect().center();
+        let away = (from - h.get_by_label("Tip of Grab 1").rect().center()).normalized() * 25.0;
+        let (before, count) = (numbers(&h), steps(&h));
+        drag(&mut h, from, if way == Vec2::ZERO { away } else { way }, PointerButton::Primary, Modifiers::NONE);
+        let after = numbers(&h);
+        assert_eq!(steps(&h), count + 1, "{what}");
+        match what {
+            "Tip" => assert!(after.1 != before.1 && after.0 == before.0 && after.2 == before.2),
+            "Point" => assert!(after.0 != before.0 && after.1 == before.1 && after.2 == before.2),
+            _ => assert!(after.2.u > 1.05 * before.2.u && after.2.v == before.2.v && after.1 == before.1),
+        }
+        // it has gone along with the hand
+        h.run_steps(2);
+        let there = h.get_by_label(&label).rect().center();
+        let want = from + if way == Vec2::ZERO { away } else { way };
+        assert!((there - want).length() < 2.0, "{what}: {there} instead of {want}");
+        key(&mut h, Modifiers::COMMAND, Key::Z);
+        assert_eq!(numbers(&h), before, "{what}");
+    }
+    assert!(items(&h)[0].deformer.steepness() < 1.0);
+    // Esc gives a drag up
+    let from = h.get_by_label("Tip of Grab 1").rect().center();
+    let (before, count) = (numbers(&h), steps(&h));
+    let button = PointerButton::Primary;
+    h.hover_at(from);
+    h.step();
+    h.event(egui::Event::PointerButton { pos: from, button, pressed: true, modifiers: Modifiers::NONE });
+    h.step();
+    h.event(egui::Event::PointerMoved(from + Vec2::splat(20.0)));
+    h.step();
+    assert!(m(&mut h).desk.as_ref().unwrap().preview.is_some());
+    key(&mut h, Modifiers::NONE, Key::Escape);
+    let pos = from + Vec2::splat(20.0);
+    h.event(egui::Event::PointerButton { pos, button, pressed: false, modifiers: Modifiers::NONE });
+    h.step();
+    assert_eq!((numbers(&h), steps(&h)), (before, count));
+}
+
+#[test]
+fn the_shape_is_moved_turned_and_scaled_in_the_texture_cube() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:orange:40", home.path());
+    key(&mut h, Modifiers::NONE, Key::O);
+    settled(&mut h);
+    let placement = |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().placement;
+    let rest = placement(&h);
+    for (part, what) in [
+        ("Move the shape along X", 0),
+        ("Turn the shape about Z", 1),
+        ("Scale the shape along its Y", 2),
+        ("Scale the shape", 3),
+    ] {
+        let count = steps(&h);
+        let from = h.get_by_label(part).rect().center();
+        let middle = h.get_by_label("Scale the shape").rect().center();
+        let way = if what == 3 { Vec2::new(15.0, -15.0) } else { (from - middle).normalized() * 18.0 };
+        let way = if what == 1 { way.rot90() } else { way };
+        drag(&mut h, from, way, PointerButton::Primary, Modifiers::NONE);
+        let p = placement(&h);
+        assert_eq!(steps(&h), count + 1, "{part}");
+        let changed = [p.translate != rest.translate, p.rotate != rest.rotate, p.scale != rest.scale];
+        assert_eq!(changed, [what == 0, what == 1, what >= 2], "{part}: {p:?}");
+        match what {
+            0 => assert!(p.translate.x > 0.0 && p.translate.y == 0.0 && p.translate.z == 0.0),
+            1 => assert!(p.rotate.z.abs() > 3.0 && p.rotate.x.abs() < 1e-9 && p.rotate.y.abs() < 1e-9),
+            2 => assert!(p.scale.y > 1.05 && p.scale.x == 1.0),
+            _ => assert!(p.scale.x > 1.05 && p.scale.x == p.scale.y && p.scale.x == p.scale.z),
+        }
+        key(&mut h, Modifiers::COMMAND, Key::Z);
+        assert_eq!(placement(&h), rest);
+    }
+    // beside the gizmo, both views turn
+    let corner = h.get_by_label("Texture cube").rect().right_top() + Vec2::new(-12.0, 12.0);
+    let yaw = m(&mut h).desk.as_ref().unwrap().history.document().camera.yaw;
+    drag(&mut h, corner, Vec2::new(-30.0, 0.0), PointerButton::Primary, Modifiers::NONE);
+    assert!(m(&mut h).desk.as_ref().unwrap().history.document().camera.yaw != yaw);
+    assert_eq!(placement(&h), rest);
+    h.check_accessibility();
+}
+
+/// What is outside the range stays: the displacement of a masked stroke is a lattice that holds still there.
+#[test]
+fn a_mask_by_value_holds_back_what_it_does_not_hold() {
+    use voxclay::deform::Deformer;
+    use voxclay::math::BackwardMap;
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:48", home.path());
+    let at = middle(&h);
+    h.get_by_label("Only values").click();
+    h.run_steps(3);
+    h.get_by_label("Mask, from");
+    until(&mut h, "the mask", |m| m.desk.as_ref().is_some_and(|d| d.mask.is_some()));
+    drag(&mut h, at, Vec2::new(30.0, 10.0), PointerButton::Primary, Modifiers::NONE);
+    let made = items(&h);
+    assert!(made.len() == 1 && made[0].name == "Grab 1, masked", "{made:?}");
+    let deformer = &made[0].deformer;
+    assert!(matches!(deformer, Deformer::Lattice(_)) && deformer.steepness() < 1.0);
+    settled(&mut h);
+    // air moves much less than what is within the range
+    let desk = m(&mut h).desk.as_ref().unwrap();
+    let mask = desk.mask.clone().unwrap();
+    let support = deformer.support();
+    let (mut inside, mut outside) = (0.0_f64, 0.0_f64);
+    for i in 0..4000 {
+        let t = |k: f64| 2.0 * (f64::from(i) * k).fract() - 1.0;
+        let p =
+            support.center + support.axes * (support.half * glam::DVec3::new(t(0.754_877), t(0.569_840), t(0.430_159)));
+        let from = deformer.backward(p);
+        let most = if mask.at(from) > 0.99 { &mut inside } else { &mut outside };
+        if !(0.01..=0.99).contains(&mask.at(from)) {
+            *most = most.max((p - from).length());
+        }
+    }
+    assert!(inside > 0.0 && outside < inside, "{outside} {inside}");
+    // a range that nothing has
+    let top = m(&mut h).desk.as_ref().unwrap().data.field.range[1];
+    m(&mut h).hand.mask = Some([top, top]);
+    until(&mut h, "the mask", |m| m.desk.as_ref().is_some_and(|d| d.mask.as_ref().is_some_and(|k| k.range[0] == top)));
+    drag(&mut h, at, Vec2::new(30.0, 10.0), PointerButton::Primary, Modifiers::NONE);
+    assert_eq!(strokes(&h), 1);
+    assert!(m(&mut h).notices.iter().any(|n| n.text.contains("within the mask")));
+}
+
+#[test]
+fn overlays_come_and_need_no_new_picture() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:head:40", home.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(40.0, 20.0), PointerButton::Primary, Modifiers::NONE);
+    settled(&mut h);
+    let generation = m(&mut h).shown.as_ref().unwrap().generation;
+    key(&mut h, Modifiers::NONE, Key::J);
+    key(&mut h, Modifiers::NONE, Key::K);
+    until(&mut h, "growth and tetrahedra", |m| m.panels.heat.is_some() && m.panels.tets.is_some());
+    h.run_steps(20);
+    assert_eq!(m(&mut h).shown.as_ref().unwrap().generation, generation);
+    let heat = m(&mut h).panels.heat.clone().unwrap();
+    assert!(heat.growth.iter().any(|g| *g > 1.2) && heat.growth.iter().any(|g| (g - 1.0).abs() < 1e-6));
+    let layer = m(&mut h).panels.tets.clone().unwrap();
+    assert!(layer.tets > 384 && layer.folded == 0 && layer.edges.len() > 50);
+}
+
+#[test]
+fn a_free_orbit_goes_over_the_pole() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:orange:32", home.path());
+    let corner = h.get_by_label("Main view").rect().left_top() + Vec2::splat(20.0);
+    let pitch = |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().camera.pitch;
+    let turn = |h: &mut Bench| drag(h, corner, Vec2::new(0.0, 560.0), PointerButton::Middle, Modifiers::NONE);
+    turn(&mut h);
+    assert!((80.0..90.0).contains(&pitch(&h)));
+    h.get_by_label("View").click();
+    h.run_steps(4);
+    h.get_by_label("Orbit: Free, over the poles").click();
+    h.run_steps(4);
+    key(&mut h, Modifiers::NONE, Key::Escape);
+    turn(&mut h);
+    assert!(pitch(&h).abs() > 120.0, "{}", pitch(&h));
+}
+
+/// Longer than any 3D texture, though small: half of it is drawn, with a word about it, and nothing of the document changes.
+#[test]
+fn a_volume_that_the_device_does_not_take_is_shown_coarser() {
+    use voxclay::gpu::{Gpu, Preference};
+    // without any graphics driver there is nothing to be too large for
+    let Ok(gpu) = Gpu::open(Preference::Any) else { return };
+    let long = gpu.limits().max_texture_dimension_3d as usize + 1000;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("long.nrrd");
+    let grid =
+        voxclay::volume::Grid::new([long, 4, 4], glam::DAffine3::IDENTITY, voxclay::volume::Space::Unknown).unwrap();
+    let samples = (0..16 * long).map(|i| if i % long % 500 < 250 { 0 } else { 200 }).collect();
+    let volume = voxclay::volume::Volume::new(grid, 1, voxclay::volume::Samples::U8(samples));
+    io::write_volume(&path, &volume, &io::WriteOptions::default()).unwrap();
+    let start =
+        Start { files: vec![path.to_string_lossy().into_owned()], backend: Backend::Gpu, home: Home::at(dir.path()) };
+    let mut h = Harness::builder().with_size([900.0, 600.0]).with_step_dt(1.0 / 60.0).build_ui_state(
+        move |ui: &mut egui::Ui, m: &mut Option<Modeller>| {
+            m.get_or_insert_with(|| Modeller::new(ui.ctx(), start.clone())).ui(ui);
+        },
+        None,
+    );
+    until(&mut h, "a picture", |m| m.shown.as_ref().is_some_and(|s| s.last));
+    let m = m(&mut h);
+    assert!(m.notices.iter().any(|n| !n.error && n.text.contains("1/2 of its resolution")), "{:?}", m.notices);
+    assert_eq!(m.shown.as_ref().unwrap().report.backend, "gpu");
+    assert_eq!(m.desk.as_ref().unwrap().data.volume.grid.dims, [long, 4, 4]);
+}
+
+/// A slider that is dragged twice makes two steps.
+#[test]
+fn letting_go_ends_a_step() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:orange:32", home.path());
+    let at = middle(&h);
+    drag(&mut h, at, Vec2::new(-30.0, 30.0), PointerButton::Primary, Modifiers::NONE);
+    h.get_by_label("Grab 1").click();
+    h.run_steps(3);
+    let count = steps(&h);
+    for way in [-20.0, 10.0] {
+        let slider = h.get_by_role_and_label(egui::accesskit::Role::Slider, "Effect");
+        let at = slider.rect().center();
+        drag(&mut h, at, Vec2::new(way, 0.0), PointerButton::Primary, Modifiers::NONE);
+    }
+    assert_eq!(steps(&h), count + 2);
+}
+
 #[test]
 fn two_modes_side_by_side_come_with_numbers() {
     let home = tempfile::tempdir().unwrap();

@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use glam::DVec3;
 
-use super::modeller::{Modeller, REST};
+use super::modeller::Modeller;
 use super::panels::{self, Pane};
-use super::theme;
+use super::state::REST;
 use super::worker::{Other, Want};
+use super::{tasks, theme};
 use crate::evaluate::load::Data;
 use crate::evaluate::picture::Mode;
 use crate::scene::Document;
@@ -29,6 +30,8 @@ struct Key {
     sections: Option<(DVec3, usize)>,
     growth: bool,
     tessellation: bool,
+    tets: Option<DVec3>,
+    heat: bool,
     dark: bool,
     data: Arc<Data>,
 }
@@ -37,8 +40,9 @@ impl Key {
     fn same(&self, k: &Self) -> bool {
         (Arc::ptr_eq(&self.document, &k.document) || self.document == k.document)
             && Arc::ptr_eq(&self.data, &k.data)
-            && (self.size, self.mode, self.other, self.sections, self.growth, self.tessellation, self.dark)
-                == (k.size, k.mode, k.other, k.sections, k.growth, k.tessellation, k.dark)
+            && (self.size, self.mode, self.other, self.sections, self.dark)
+                == (k.size, k.mode, k.other, k.sections, k.dark)
+            && (self.growth, self.tessellation, self.tets, self.heat) == (k.growth, k.tessellation, k.tets, k.heat)
     }
 }
 
@@ -55,6 +59,8 @@ impl Modeller {
             sections: panels::is_open(&self.tree, Pane::Slices).then_some((self.view.cursor, 256)),
             growth: self.view.growth,
             tessellation: self.view.tessellation && self.view.overlays,
+            tets: (self.view.tets && self.view.overlays).then_some(self.view.cursor),
+            heat: self.view.heat && self.view.overlays,
             dark,
             data: desk.data.clone(),
         };
@@ -82,12 +88,23 @@ impl Modeller {
                 sections: key.sections,
                 growth: key.growth,
                 tessellation: key.tessellation,
+                tets: key.tets,
+                heat: key.heat,
                 ground: theme::view_ground(dark),
             });
             self.wanted = Some(Wanted { key, moving });
         }
         if moving {
             ctx.request_repaint_after(REST);
+        }
+    }
+
+    /// The mask for the range that is set, as soon as it is.
+    pub(super) fn ask_mask(&mut self, ctx: &egui::Context) {
+        let (Some(desk), Some(range)) = (&self.desk, self.hand.mask) else { return };
+        let known = desk.mask.as_ref().is_some_and(|m| m.range == range);
+        if !known && !self.tasks.iter().any(|t| t.name == tasks::MASKING) {
+            self.tasks.push(tasks::mask(ctx, desk.data.clone(), range));
         }
     }
 

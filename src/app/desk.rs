@@ -4,6 +4,7 @@ use std::sync::Arc;
 use eframe::egui;
 
 use crate::evaluate::load::{Data, Object};
+use crate::evaluate::masked::ValueMask;
 use crate::scene::{Document, History, VolumeSource};
 
 /// The document that is open, with its samples.
@@ -18,6 +19,8 @@ pub struct Desk {
     pub object: Option<(Arc<Document>, Arc<Object>)>,
     /// What is shown while a stroke is under way, before it is a step.
     pub preview: Option<Arc<Document>>,
+    /// What strokes take hold of, for the range it was made for.
+    pub mask: Option<Arc<ValueMask>>,
 }
 
 impl Desk {

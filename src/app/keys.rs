@@ -2,10 +2,11 @@
 
 use eframe::egui::{self, Key, Modifiers};
 
-use super::modeller::{After, Doing, Layout, Modeller, Question};
+use super::modeller::Modeller;
 use super::navigate::{self, Standard};
 use super::panels::{self, Pane};
 use super::sculpt::Tool;
+use super::state::{After, Doing, FIRST, Layout, Question};
 use super::view;
 use crate::evaluate::picture::Mode;
 use crate::scene::Edit;
@@ -22,10 +23,12 @@ pub const MAP: &[(&str, &str, &str)] = &[
     ("View", "Wheel", "zoom to the pointer; with Ctrl the radius"),
     ("View", "Home", "frame all"),
     ("View", "Ctrl 1 3 7", "front, right, top; with Shift back, left, bottom"),
+    ("View", "Pad 1 3 7", "the same without Num Lock; with Ctrl back, left, bottom"),
     ("View", "5", "perspective or parallel"),
     ("View", "1 2 3 4", "slicing, exact, tets, surface"),
     ("View", "A", "compare with another mode or the original"),
     ("View", "W", "tessellation of a slice"),
+    ("View", "K, J", "tetrahedra; growth and folds"),
     ("View", "Tab", "texture cube"),
     ("View", "M", "slices along the axes"),
     ("View", "H", "overlays"),
@@ -71,7 +74,7 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.question = Some(Question::Open { word: String::new(), wrong: None });
     }
     if ctrl(Key::N, false) {
-        m.open(ctx, super::modeller::FIRST);
+        m.open(ctx, FIRST);
     }
     if ctrl(Key::E, false) {
         panels::open(&mut m.tree, Pane::Export);
@@ -102,7 +105,19 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     let command = ctx.input(|i| i.modifiers.command);
     let shift = ctx.input(|i| i.modifiers.shift);
     let pressed = |key: Key| ctx.input(|i| i.key_pressed(key));
-    standard_views(m, &pressed, command, shift);
+    // without Num Lock, the numeric pad sends other keys from the places of its digits
+    let pad = ctx.input(|i| {
+        i.events.iter().find_map(|e| match e {
+            egui::Event::Key {
+                key: Key::End | Key::PageDown | Key::Home,
+                physical_key: Some(digit @ (Key::Num1 | Key::Num3 | Key::Num7)),
+                pressed: true,
+                ..
+            } => Some(*digit),
+            _ => None,
+        })
+    });
+    standard_views(m, &pressed, pad, command, shift);
     if command {
         return;
     }
@@ -155,6 +170,12 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     if pressed(Key::W) {
         m.view.tessellation = !m.view.tessellation;
     }
+    if pressed(Key::K) {
+        m.view.tets = !m.view.tets;
+    }
+    if pressed(Key::J) {
+        m.view.heat = !m.view.heat;
+    }
     if ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
         m.view.cube = !m.view.cube;
         // it is not for the next widget; where one has the focus already, this is not reached
@@ -174,10 +195,10 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
     }
 }
 
-fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool, shift: bool) {
+fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, pad: Option<Key>, command: bool, shift: bool) {
     let Some(scene) = view::scene(m) else { return };
     let mut to = None;
-    if pressed(Key::Home) {
+    if pressed(Key::Home) && pad.is_none() {
         to = Some(navigate::frame(&scene.spec));
     }
     let views = [
@@ -186,9 +207,11 @@ fn standard_views(m: &mut Modeller, pressed: &dyn Fn(Key) -> bool, command: bool
         (Key::Num7, Standard::Top, Standard::Bottom),
     ];
     for (key, plain, other) in views {
-        // the digits alone are modes: the window system does not tell those of the numeric pad apart
+        // the digits alone are modes: those of the numeric pad cannot be told apart while Num Lock is on
         if pressed(key) && command {
             to = Some(if shift { other } else { plain }.of(&scene.spec));
+        } else if pad == Some(key) {
+            to = Some(if command { other } else { plain }.of(&scene.spec));
         }
     }
     if pressed(Key::Num5) {

@@ -4,9 +4,11 @@ use eframe::egui::{self, Align, Layout as Flow, RichText, Vec2};
 use egui_material_icons::{MaterialIcon, icons};
 
 use super::desk::file_name;
-use super::modeller::{After, Doing, Modeller, Question};
+use super::modeller::Modeller;
+use super::navigate::Orbit;
 use super::panels::{self, Pane};
 use super::sculpt::Tool;
+use super::state::{After, Doing, Question};
 use super::theme;
 use crate::evaluate::picture::Mode;
 
@@ -81,6 +83,24 @@ fn item(ui: &mut egui::Ui, name: &str, key: &str) -> bool {
         ui.close();
     }
     clicked
+}
+
+/// A line of a menu that is on or off, with its key where the others have theirs.
+fn toggle(ui: &mut egui::Ui, on: &mut bool, name: &str, key: &str, what: String) {
+    let mark = if *on { icons::ICON_CHECK.rich_text() } else { RichText::new("") };
+    let width = 14.0;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 0.0;
+        let row = egui::Button::new(name).shortcut_text(key);
+        let (mark_at, _) = ui.allocate_exact_size(Vec2::new(width, 24.0), egui::Sense::hover());
+        ui.put(mark_at, egui::Label::new(mark.size(14.0).color(theme::ACCENT)));
+        let size = Vec2::new(ui.available_width(), 24.0);
+        let response = ui.add(row.min_size(size)).on_hover_text(what);
+        response.widget_info(|| egui::WidgetInfo::selected(egui::Role::MenuItemCheckBox, true, *on, name));
+        if response.clicked() {
+            *on = !*on;
+        }
+    });
 }
 
 fn file_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
@@ -167,14 +187,45 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
             }
         }
         ui.separator();
-        ui.checkbox(&mut m.view.overlays, "Overlays   H");
-        ui.checkbox(&mut m.view.proxy, "Proxy wireframe");
-        ui.checkbox(&mut m.view.boxes, "Box of the selected deformation");
-        ui.checkbox(&mut m.view.tessellation, "Tessellation of a slice   W");
-        ui.checkbox(&mut m.view.growth, "Growth and folds in the slices")
-            .on_hover_text("Blue where material is squeezed, orange where it is stretched, red where space is folded");
-        ui.checkbox(&mut m.view.cube, "Texture cube   Tab");
-        ui.checkbox(&mut m.show_trace, "Times   F12");
+        let colours = "blue where material is squeezed, orange where it is stretched, pink where space is folded";
+        let view = &mut m.view;
+        for (on, name, key, what) in [
+            (&mut view.overlays, "Overlays", "H", "Everything that lies over the picture".to_owned()),
+            (&mut view.proxy, "Proxy wireframe", "", "The mesh that gives the object its shape".to_owned()),
+            (
+                &mut view.boxes,
+                "Handles of the selected deformation",
+                "",
+                "Its box, and handles that move, pull and widen it".to_owned(),
+            ),
+            (&mut view.tessellation, "Tessellation of a slice", "W", "How the slice in the middle is split".to_owned()),
+            (
+                &mut view.tets,
+                "Tetrahedra",
+                "K",
+                "A layer of the lattice at the point that was clicked last, facing the eye".to_owned(),
+            ),
+            (&mut view.heat, "Growth and folds", "J", format!("On the surface that is seen: {colours}")),
+            (&mut view.growth, "Growth and folds in the slices", "", format!("In the slices: {colours}")),
+            (
+                &mut view.cube,
+                "Texture cube",
+                "Tab",
+                "The mesh in the texture cube, with a gizmo that places it".to_owned(),
+            ),
+            (&mut m.show_trace, "Times", "F12", "How long the steps of the window take".to_owned()),
+        ] {
+            toggle(ui, on, name, key, what);
+        }
+        ui.separator();
+        let before = m.settings.orbit;
+        for orbit in Orbit::ALL {
+            ui.radio_value(&mut m.settings.orbit, orbit, format!("Orbit: {}", orbit.name()));
+        }
+        if m.settings.orbit != before {
+            let ctx = ui.ctx().clone();
+            m.apply_settings(&ctx);
+        }
         ui.separator();
         if let Some(scene) = super::view::scene(m) {
             if item(ui, "Frame all", "Home") {
@@ -247,6 +298,8 @@ pub fn status_bar(m: &mut Modeller, ui: &mut egui::Ui) {
             Doing::Stroke { .. } => "Release to keep the stroke; Esc gives it up",
             Doing::Radius { .. } => "Move for the radius, click to keep it",
             Doing::Strength { .. } => "Move for the strength, click to keep it",
+            Doing::Grip(_) => "Release to keep it; Esc gives it up",
+            Doing::Placing(_) => "Release to keep it; Ctrl turns in steps of 15°",
             Doing::Wipe => "Move the wipe",
             _ => m.hand.tool.hint(),
         };

@@ -14,18 +14,29 @@
 //! pure ([`sculpt`], [`navigate`]); panels read the modeller and push edits.
 
 mod asking;
+mod cube;
 mod desk;
+mod fonts;
+mod gizmo;
+mod grips;
+mod heat;
 mod keys;
 mod menu;
 mod modeller;
 pub mod navigate;
+mod news;
 mod overlay;
+mod pace;
 mod panels;
+mod pass;
+mod place;
 mod questions;
 pub mod recovery;
 pub mod sculpt;
 pub mod settings;
 mod slices;
+mod soften;
+mod state;
 pub mod tasks;
 mod theme;
 pub mod trace;
@@ -35,5 +46,6 @@ mod window;
 pub mod worker;
 
 pub use desk::Desk;
-pub use modeller::{After, Modeller, Start};
+pub use modeller::Modeller;
+pub use state::{After, Start};
 pub use window::run;

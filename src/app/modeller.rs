@@ -1,135 +1,26 @@
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+//! The modeller itself: what is open, and everything that can be done to it.
 
-use eframe::egui::{self, Color32, Panel, RichText, TextureHandle, TextureOptions, Vec2};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use eframe::egui;
 use glam::DVec3;
 
 use super::asking::Wanted;
 use super::desk::{Desk, suggested, thumbnail};
 use super::panels::{self, Pane, PanelState};
 use super::recovery::{self, Aside, Recovery};
-use super::sculpt::{Hand, Made, Stroke, Tool};
+use super::sculpt::{Hand, Tool};
 use super::settings::{Home, Settings, ThemeChoice};
-use super::tasks::{self, Loaded, Outcome, Purpose, Task};
+use super::state::{After, Doing, FIRST, Notice, Question, Start, Textures, ViewState};
+use super::tasks::{self, Purpose, Task};
 use super::trace::Trace;
 use super::turntable::Turntable;
-use super::worker::{News, Other, Sections, Shown, Worker};
-use super::{keys, menu, questions, theme, view};
-use crate::evaluate::picture::{Backend, Mode, Refinement, ViewOptions};
-use crate::scene::{Document, Edit, History, VolumeSource};
-
-/// How the modeller begins.
-#[derive(Debug, Clone)]
-pub struct Start {
-    /// Projects, volumes or `phantom:NAME[:SIZE]`; the first is opened, a surface becomes its shape.
-    pub files: Vec<String>,
-    pub backend: Backend,
-    pub home: Home,
-}
-
-impl Default for Start {
-    fn default() -> Self {
-        Self { files: Vec::new(), backend: Backend::Auto, home: Home::find() }
-    }
-}
-
-/// What is opened when nothing is named.
-pub const FIRST: &str = "phantom:head:192";
-
-/// Pause after which a movement counts as over.
-pub const REST: Duration = Duration::from_millis(110);
-
-/// How two pictures are laid against each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Layout {
-    #[default]
-    Wipe,
-    SideBySide,
-    Difference,
-}
-
-/// What is seen, beside the document.
-#[derive(Debug, Clone)]
-pub struct ViewState {
-    pub mode: Mode,
-    pub compare: bool,
-    pub other: Other,
-    pub layout: Layout,
-    /// Part of the view left of the wipe.
-    pub wipe: f32,
-    pub cube: bool,
-    pub overlays: bool,
-    pub proxy: bool,
-    pub boxes: bool,
-    pub tessellation: bool,
-    /// Growth and folds in the sections.
-    pub growth: bool,
-    /// World point of the sections.
-    pub cursor: DVec3,
-    /// Grey window of the sections, real values.
-    pub window: [f64; 2],
-}
-
-/// A question that must be answered before anything else.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Question {
-    Open {
-        word: String,
-        wrong: Option<String>,
-    },
-    Save {
-        word: String,
-        embed: bool,
-        then: After,
-    },
-    Screenshot {
-        word: String,
-        transparent: bool,
-    },
-    Turntable {
-        word: String,
-        frames: usize,
-        seconds: f64,
-    },
-    /// There is unsaved work.
-    Unsaved(After),
-    Recover,
-    Keys,
-    Preferences,
-    About,
-}
-
-/// What to do once the work is safe.
-#[derive(Debug, Clone, PartialEq)]
-pub enum After {
-    Nothing,
-    Open(String),
-    Quit,
-}
-
-/// What the pointer is doing in the main view.
-#[derive(Debug, Clone)]
-pub enum Doing {
-    Nothing,
-    Orbit,
-    Pan,
-    Stroke { stroke: Box<Stroke>, made: Made },
-    Smooth { base: Arc<Document> },
-    Handle { item: usize, handle: usize, start: DVec3, scale: f64, drag: Vec2 },
-    Arrow { axis: usize, start: DVec3, drag: Vec2, scale: f64 },
-    Wipe,
-    Radius { start: f64, from: f32 },
-    Strength { start: f64, from: f32 },
-}
-
-/// A sentence in the corner, for a while.
-#[derive(Debug, Clone)]
-pub struct Notice {
-    pub text: String,
-    pub error: bool,
-    pub since: Instant,
-}
+use super::worker::{Sections, Shown, Worker};
+use super::{theme, view};
+use crate::evaluate::picture::{Backend, Refinement, ViewOptions};
+use crate::scene::{Document, Edit};
 
 /// The modeller, without its window.
 pub struct Modeller {
@@ -161,7 +52,7 @@ pub struct Modeller {
     pub(super) tabbed: bool,
     pub(super) clipboard: Option<crate::deform::Stack>,
     pub(super) backend: Backend,
-    home: Home,
+    pub(super) home: Home,
     pub(super) worker: Worker,
     pub(super) recovery: Recovery,
     /// When the picture on screen last became out of date.
@@ -170,20 +61,10 @@ pub struct Modeller {
     /// Recovery holds this document.
     pub(super) aside: Option<Arc<Document>>,
     pub(super) size: (u32, u32),
-    then: After,
-    quitting: bool,
-    titled: String,
-    after_open: Vec<String>,
-}
-
-#[derive(Default)]
-pub struct Textures {
-    pub main: Option<TextureHandle>,
-    pub other: Option<TextureHandle>,
-    pub difference: Option<TextureHandle>,
-    pub sections: [Option<TextureHandle>; 3],
-    /// What the sections' textures were coloured with.
-    pub window: [f64; 2],
+    pub(super) then: After,
+    pub(super) quitting: bool,
+    pub(super) titled: String,
+    pub(super) after_open: Vec<String>,
 }
 
 impl Modeller {
@@ -197,21 +78,7 @@ impl Modeller {
         let mut modeller = Self {
             desk: None,
             hand: Hand::for_size(100.0),
-            view: ViewState {
-                mode: Mode::Slicing,
-                compare: false,
-                other: Other::Original,
-                layout: Layout::Wipe,
-                wipe: 0.5,
-                cube: false,
-                overlays: true,
-                proxy: false,
-                boxes: true,
-                tessellation: false,
-                growth: false,
-                cursor: DVec3::ZERO,
-                window: [0.0, 1.0],
-            },
+            view: ViewState::default(),
             doing: Doing::Nothing,
             trace: Trace::default(),
             show_trace: false,
@@ -453,257 +320,6 @@ impl Modeller {
         self.size = size;
     }
 
-    /// One pass of the interface.
-    pub fn ui(&mut self, ui: &mut egui::Ui) {
-        let started = Instant::now();
-        let ctx = ui.ctx().clone();
-        self.take_news(&ctx);
-        self.take_outcomes(&ctx);
-        self.take_drops(&ctx);
-        self.take_close(&ctx);
-        keys::handle(self, &ctx);
-
-        let bar = |ui: &egui::Ui| egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(8, 0));
-        Panel::top("top bar").exact_size(theme::TOP_BAR).frame(bar(ui)).show(ui, |ui| menu::top_bar(self, ui));
-        Panel::bottom("status bar")
-            .exact_size(theme::STATUS_BAR)
-            .frame(bar(ui))
-            .show(ui, |ui| menu::status_bar(self, ui));
-        Panel::left("tools")
-            .exact_size(theme::TOOL_BAR)
-            .resizable(false)
-            .frame(egui::Frame::side_top_panel(ui.style()).inner_margin(0))
-            .show(ui, |ui| ui.vertical_centered(|ui| menu::tool_bar(self, ui)));
-        egui::CentralPanel::default()
-            .frame(egui::Frame::NONE.fill(ui.visuals().extreme_bg_color))
-            .show(ui, |ui| panels::show(self, ui));
-        if std::mem::take(&mut self.tabbed) {
-            ctx.memory_mut(|memory| {
-                if let Some(widget) = memory.focused() {
-                    memory.surrender_focus(widget);
-                }
-            });
-        }
-        questions::show(self, &ctx);
-        self.show_notices(&ctx);
-        if self.show_trace {
-            menu::trace(self, &ctx);
-        }
-        self.ask(&ctx);
-        self.put_aside(&ctx);
-        self.retitle(&ctx);
-        self.trace.pass.add(started.elapsed());
-    }
-
-    fn take_news(&mut self, ctx: &egui::Context) {
-        let news: Vec<News> = self.worker.news().collect();
-        for news in news {
-            match news {
-                News::Object(document, object) => {
-                    let Some(desk) = &mut self.desk else { continue };
-                    // of another volume: the desk was changed meanwhile
-                    if !Arc::ptr_eq(&object.volume, &desk.data.volume) {
-                        continue;
-                    }
-                    if desk.object.is_none() {
-                        let (center, radius) = object.focus;
-                        self.hand = Hand { tool: self.hand.tool, mirror: self.hand.mirror, ..Hand::for_size(radius) };
-                        self.view.cursor = center;
-                        self.view.window = object.window;
-                    }
-                    for warning in &object.warnings {
-                        if desk.object.as_ref().is_none_or(|(_, o)| !o.warnings.contains(warning))
-                            && desk.preview.is_none()
-                        {
-                            self.notices.push(Notice { text: warning.clone(), error: false, since: Instant::now() });
-                        }
-                    }
-                    desk.object = Some((document, object));
-                }
-                News::Picture(shown) => {
-                    if shown.moving {
-                        self.trace.latency.add(shown.asked.elapsed());
-                        self.trace.coarse.add(Duration::from_secs_f64(shown.report.ms_total / 1e3));
-                    } else if shown.last {
-                        self.trace.full.add(Duration::from_secs_f64(shown.report.ms_total / 1e3));
-                    }
-                    self.trace.geometry.add(Duration::from_secs_f64(shown.report.ms_geometry / 1e3));
-                    put(ctx, &mut self.textures.main, "main view", &shown.image);
-                    match &shown.other {
-                        Some(other) => {
-                            put(ctx, &mut self.textures.other, "other view", &other.image);
-                            put(ctx, &mut self.textures.difference, "difference", &other.difference);
-                        }
-                        None => (self.textures.other, self.textures.difference) = (None, None),
-                    }
-                    self.shown = Some(shown);
-                }
-                News::Sections(sections) => {
-                    self.sections = Some(sections);
-                    self.textures.window = [f64::NAN; 2];
-                }
-                News::Tessellation(edges) => self.panels.tessellation = Some(edges),
-                News::Failed(what) => self.tell(what, true),
-            }
-        }
-    }
-
-    fn take_outcomes(&mut self, ctx: &egui::Context) {
-        let mut ended = Vec::new();
-        self.tasks.retain(|task| match task.poll() {
-            Some(outcome) => {
-                ended.push(outcome);
-                false
-            }
-            None => true,
-        });
-        for outcome in ended {
-            match outcome {
-                Outcome::Loaded(loaded) => self.put_on_desk(ctx, *loaded),
-                Outcome::Saved { path, document } => {
-                    if let Some(desk) = &mut self.desk {
-                        // edits made while it was written are still unsaved
-                        if Arc::ptr_eq(desk.history.document(), &document) {
-                            desk.history.mark_saved();
-                        }
-                        desk.path = Some(path.clone());
-                    }
-                    self.settings.remember(&path);
-                    self.settings.save(&self.home);
-                    self.tell(format!("Saved {}", path.display()), false);
-                    match std::mem::replace(&mut self.then, After::Nothing) {
-                        After::Nothing => {}
-                        After::Open(word) => self.open_now(ctx, &word),
-                        After::Quit => self.quit_now(ctx),
-                    }
-                }
-                Outcome::Exported(done) => {
-                    let [x, y, z] = done.dims;
-                    let mut text = format!("Exported {} ({x} x {y} x {z}, {:.0} ms)", done.path.display(), done.ms);
-                    if let Some(c) = &done.certificate {
-                        text.push_str(if c.sound { "; certified sound" } else { "; not sound, see Export" });
-                    }
-                    self.tell(text, false);
-                    self.panels.exported = Some(done);
-                }
-                Outcome::Written(path) => self.tell(format!("Wrote {}", path.display()), false),
-                Outcome::Chosen(purpose, path) => self.chosen(ctx, purpose, &path),
-                Outcome::Nothing => {}
-                Outcome::Failed(what) => {
-                    self.then = After::Nothing;
-                    self.tell(what, true);
-                }
-            }
-        }
-    }
-
-    fn chosen(&mut self, ctx: &egui::Context, purpose: Purpose, path: &Path) {
-        let word = path.to_string_lossy().into_owned();
-        match purpose {
-            Purpose::Open => self.open(ctx, &word),
-            Purpose::Proxy => self.edit(Edit::SetProxy(crate::scene::ProxySource::Mesh(path.to_owned()))),
-            Purpose::Export => self.panels.export_path = word,
-            Purpose::Save => {
-                if let Some(Question::Save { word: typed, .. }) = &mut self.question {
-                    *typed = word;
-                } else {
-                    self.save_as(ctx, path.to_owned(), false, After::Nothing);
-                }
-            }
-            Purpose::Screenshot => {
-                if let Some(Question::Screenshot { word: typed, .. }) = &mut self.question {
-                    *typed = word;
-                }
-            }
-        }
-    }
-
-    fn put_on_desk(&mut self, ctx: &egui::Context, loaded: Loaded) {
-        let Loaded { path, base, document, data, warnings, aside } = loaded;
-        let mut history = History::new(document, self.settings.undo_megabytes << 20);
-        if let Some(file) = aside {
-            history.mark_unsaved();
-            // it is in our own recovery file from now on
-            self.recovery.keep(history.document(), path.as_deref(), &base);
-            self.aside = Some(history.document().clone());
-            let _ = std::fs::remove_file(file);
-        }
-        match (&path, &history.document().volume) {
-            (Some(p), _) => self.settings.remember(p),
-            (None, VolumeSource::File(p)) => self.settings.remember(&base.join(p)),
-            _ => {}
-        }
-        self.settings.save(&self.home);
-        self.cancel_stroke();
-        self.hover = None;
-        self.measure.clear();
-        self.sections = None;
-        self.panels = PanelState::default();
-        self.desk = Some(Desk { history, path, base, data, object: None, preview: None });
-        for w in warnings {
-            self.tell(w, false);
-        }
-        for word in std::mem::take(&mut self.after_open) {
-            self.open(ctx, &word);
-        }
-    }
-
-    fn take_drops(&mut self, ctx: &egui::Context) {
-        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
-        for file in dropped {
-            self.open(ctx, &file.path().to_string_lossy());
-        }
-    }
-
-    fn take_close(&mut self, ctx: &egui::Context) {
-        if ctx.input(|i| i.viewport().close_requested())
-            && !self.quitting
-            && self.desk.as_ref().is_some_and(|d| d.history.is_dirty())
-        {
-            ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
-            self.question = Some(Question::Unsaved(After::Quit));
-        }
-    }
-
-    fn retitle(&mut self, ctx: &egui::Context) {
-        let title = self.desk.as_ref().map_or_else(|| "Voxclay".to_owned(), |d| format!("{} – Voxclay", d.title()));
-        if title != self.titled {
-            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
-            self.titled = title;
-        }
-    }
-
-    fn show_notices(&mut self, ctx: &egui::Context) {
-        self.notices.retain(|n| n.since.elapsed() < Duration::from_secs(if n.error { 14 } else { 6 }));
-        if self.notices.is_empty() {
-            return;
-        }
-        ctx.request_repaint_after(Duration::from_millis(500));
-        let mut closed = None;
-        egui::Area::new(egui::Id::unique("notices"))
-            .anchor(egui::Align2::LEFT_BOTTOM, [theme::TOOL_BAR + 12.0, -(theme::STATUS_BAR + 12.0)])
-            .show(ctx, |ui| {
-                for (i, n) in self.notices.iter().enumerate() {
-                    let line = if n.error { theme::ERROR } else { Color32::TRANSPARENT };
-                    egui::Frame::popup(ui.style()).stroke((1.0, line)).show(ui, |ui| {
-                        ui.set_max_width(420.0);
-                        ui.horizontal(|ui| {
-                            let close = ui
-                                .small_button(egui_material_icons::icons::ICON_CLOSE.rich_text().size(12.0))
-                                .on_hover_text("Close");
-                            if close.clicked() {
-                                closed = Some(i);
-                            }
-                            ui.label(RichText::new(&n.text));
-                        });
-                    });
-                }
-            });
-        if let Some(i) = closed {
-            self.notices.remove(i);
-        }
-    }
-
     /// Names the tool by its key; used by tests and the tool bar.
     pub fn set_tool(&mut self, tool: Tool) {
         self.cancel_stroke();
@@ -714,12 +330,5 @@ impl Modeller {
         if tool == Tool::Lattice {
             view::ensure_lattice(self);
         }
-    }
-}
-
-fn put(ctx: &egui::Context, slot: &mut Option<TextureHandle>, name: &str, image: &Arc<egui::ColorImage>) {
-    match slot {
-        Some(texture) => texture.set(image.clone(), TextureOptions::LINEAR),
-        None => *slot = Some(ctx.load_texture(name, image.clone(), TextureOptions::LINEAR)),
     }
 }

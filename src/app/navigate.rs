@@ -2,6 +2,7 @@
 
 use eframe::egui::{Rect, Vec2};
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::render::{Camera, Projection};
 use crate::scene::CameraSpec;
@@ -10,12 +11,40 @@ use crate::scene::CameraSpec;
 const TURN: f64 = 180.0;
 const STEEPEST: f64 = 89.9;
 
-/// Turntable: right drags the front to the right, down shows more of the top.
-pub fn orbit(camera: &CameraSpec, drag: Vec2, view: Rect) -> CameraSpec {
+/// How a drag turns the view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Orbit {
+    /// Up stays up.
+    #[default]
+    Turntable,
+    /// Over the poles and on, until the object stands on its head.
+    Free,
+}
+
+impl Orbit {
+    pub const ALL: [Self; 2] = [Self::Turntable, Self::Free];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Turntable => "Turntable",
+            Self::Free => "Free, over the poles",
+        }
+    }
+}
+
+/// Right drags the front to the right, down shows more of the top.
+pub fn orbit(camera: &CameraSpec, how: Orbit, drag: Vec2, view: Rect) -> CameraSpec {
     let side = f64::from(view.width().min(view.height()).max(1.0));
+    let pitch = camera.pitch + f64::from(drag.y) / side * TURN;
+    // on its head, what is in front goes the other way round
+    let upright = if camera.pitch.to_radians().cos() < 0.0 { -1.0 } else { 1.0 };
     CameraSpec {
-        yaw: wrap(camera.yaw - f64::from(drag.x) / side * TURN),
-        pitch: (camera.pitch + f64::from(drag.y) / side * TURN).clamp(-STEEPEST, STEEPEST),
+        yaw: wrap(camera.yaw - upright * f64::from(drag.x) / side * TURN),
+        pitch: match how {
+            Orbit::Turntable => pitch.clamp(-STEEPEST, STEEPEST),
+            Orbit::Free => wrap(pitch),
+        },
         ..*camera
     }
 }
@@ -188,8 +217,31 @@ mod tests {
     fn orbit_stays_in_range() {
         let mut spec = CameraSpec::default();
         for _ in 0..50 {
-            spec = orbit(&spec, Vec2::new(-333.0, 500.0), view());
+            spec = orbit(&spec, Orbit::Turntable, Vec2::new(-333.0, 500.0), view());
         }
         assert!(spec.pitch <= STEEPEST && (-180.0..=180.0).contains(&spec.yaw));
+    }
+
+    #[test]
+    fn a_free_orbit_goes_over_the_pole_without_a_jump() {
+        let mut spec = CameraSpec { pitch: 80.0, ..CameraSpec::default() };
+        let mut before = camera(&spec).axes();
+        let mut least = f64::MAX;
+        for _ in 0..60 {
+            spec = orbit(&spec, Orbit::Free, Vec2::new(0.0, 20.0), view());
+            let axes = camera(&spec).axes();
+            // no axis of the view turns by more than the drag does
+            for (a, b) in [(axes.x_axis, before.x_axis), (axes.y_axis, before.y_axis), (axes.z_axis, before.z_axis)] {
+                least = least.min(a.dot(b));
+            }
+            before = axes;
+        }
+        let step: f64 = 20.0 / 600.0 * TURN;
+        assert!(least > step.to_radians().cos() - 1e-9, "{least}");
+        // on its head, what is in front still follows the hand
+        let spec = CameraSpec { pitch: 170.0, ..CameraSpec::default() };
+        let front = camera(&spec).to_eye() * 50.0 + camera(&spec).target;
+        let seen = |spec: &CameraSpec| Projector::new(&camera(spec), view()).project(front).unwrap();
+        assert!(seen(&orbit(&spec, Orbit::Free, Vec2::new(10.0, 0.0), view())).x > seen(&spec).x);
     }
 }

@@ -3,8 +3,9 @@
 use eframe::egui::{self, Align2, Color32, FontId, Painter, Pos2, Rect, Stroke as Line, Vec2};
 use glam::DVec3;
 
-use super::modeller::{Doing, Modeller};
+use super::modeller::Modeller;
 use super::navigate::{Projector, Standard};
+use super::state::Doing;
 use super::theme;
 use super::view::{Scene, lattice};
 use super::worker::Other;
@@ -12,7 +13,6 @@ use crate::compare::picture::Scale;
 use crate::evaluate::picture::Mode;
 use crate::math::OrientedBox;
 use crate::math::PlaneFrame;
-use crate::render::Camera;
 
 /// Radius of the axis gizmo, and its distance from the corner.
 const GIZMO: f32 = 36.0;
@@ -69,9 +69,6 @@ pub fn show(m: &Modeller, ui: &egui::Ui, rect: Rect, scene: &Scene, hovered: boo
         }
         measure(m, &painter, &projector, desk.unit());
     }
-    if m.view.cube {
-        cube(m, &painter, rect, scene);
-    }
     if let Doing::Stroke { stroke, made } = &m.doing {
         for item in &made.items {
             let support = item.deformer.support();
@@ -88,8 +85,11 @@ pub fn show(m: &Modeller, ui: &egui::Ui, rect: Rect, scene: &Scene, hovered: boo
                 if (b - a).length() > 2.0 {
                     painter.arrow(a, b - a, Line::new(2.0, theme::ACCENT));
                 }
+                // beyond the tip, where it hides nothing of the arrow
                 let text = format!("{:.1} {}", made.kept, desk.unit());
-                shadowed(&painter, b + Vec2::new(10.0, -10.0), Align2::LEFT_BOTTOM, &text);
+                let way = if (b - a).length() > 2.0 { (b - a).normalized() } else { Vec2::UP };
+                let left = if way.x < 0.0 { Align2::RIGHT_CENTER } else { Align2::LEFT_CENTER };
+                shadowed(&painter, b + way * 14.0, left, &text);
             }
         }
     } else if let (Some(hit), true) = (
@@ -124,13 +124,13 @@ pub fn shadowed(painter: &Painter, at: Pos2, align: Align2, text: &str) {
     painter.galley(rect.min + Vec2::new(6.0, 3.0), galley, Color32::WHITE);
 }
 
-fn segment(painter: &Painter, projector: &Projector, a: DVec3, b: DVec3, line: Line) {
+pub fn segment(painter: &Painter, projector: &Projector, a: DVec3, b: DVec3, line: Line) {
     if let (Some(a), Some(b)) = (projector.project(a), projector.project(b)) {
         painter.line_segment([a, b], line);
     }
 }
 
-fn ring(painter: &Painter, projector: &Projector, at: DVec3, normal: DVec3, radius: f64, color: Color32) {
+pub fn ring(painter: &Painter, projector: &Projector, at: DVec3, normal: DVec3, radius: f64, color: Color32) {
     let Some(frame) = PlaneFrame::across(normal) else { return };
     let points: Vec<Pos2> = (0..=64)
         .filter_map(|i| {
@@ -153,7 +153,7 @@ fn cuboid(painter: &Painter, projector: &Projector, b: &OrientedBox, line: Line)
     }
 }
 
-fn mesh(painter: &Painter, projector: &Projector, scene: &Scene, color: Color32) {
+pub fn mesh(painter: &Painter, projector: &Projector, scene: &Scene, color: Color32) {
     let mesh = &scene.object.mesh;
     if mesh.triangles.len() * 3 / 2 > MOST_EDGES {
         return;
@@ -210,94 +210,6 @@ fn measure(m: &Modeller, painter: &Painter, projector: &Projector, unit: &str) {
         let text = format!("{:.2} {unit}", (*p - *q).length());
         shadowed(painter, *a + (*b - *a) * 0.5 + Vec2::new(8.0, -8.0), Align2::LEFT_BOTTOM, &text);
     }
-}
-
-/// The inset with the texture cube.
-fn cube_rect(rect: Rect) -> Rect {
-    let side = (0.3 * rect.width().min(rect.height())).clamp(140.0, 280.0);
-    Rect::from_min_size(Pos2::new(rect.left() + 12.0, rect.bottom() - side - 12.0), Vec2::splat(side))
-}
-
-/// The camera of the inset: it looks as the main camera does, at the whole texture cube.
-fn cube_camera(scene: &Scene) -> Camera {
-    let grid = &scene.object.volume.grid;
-    let radius = 0.5 * (grid.world_from_voxel.matrix3 * grid.size()).length();
-    Camera { target: grid.center(), radius: 1.15 * radius, zoom: 1.0, ..scene.camera }
-}
-
-/// World units of a point of the screen in the inset.
-pub fn cube_scale(scene: &Scene, rect: Rect) -> f64 {
-    super::navigate::world_per_point(&cube_camera(scene), cube_rect(rect), scene.object.volume.grid.center())
-}
-
-fn arrows(scene: &Scene, rect: Rect) -> Option<(Pos2, [Pos2; 3])> {
-    let inset = cube_rect(rect);
-    let camera = cube_camera(scene);
-    let projector = Projector::new(&camera, inset);
-    let (lo, hi) = scene.object.mesh.bounds()?;
-    let middle = 0.5 * (lo + hi);
-    let from = projector.project(middle)?;
-    let tip = |axis: DVec3| projector.project(middle + axis * (0.42 * camera.radius));
-    Some((from, [tip(DVec3::X)?, tip(DVec3::Y)?, tip(DVec3::Z)?]))
-}
-
-/// The axis of the arrow under the pointer.
-pub fn arrow_at(m: &Modeller, scene: &Scene, rect: Rect, at: Pos2) -> Option<usize> {
-    if !m.view.cube || !cube_rect(rect).contains(at) {
-        return None;
-    }
-    let (from, tips) = arrows(scene, rect)?;
-    let distance = |tip: Pos2| {
-        let along = tip - from;
-        let t = ((at - from).dot(along) / along.length_sq().max(1e-6)).clamp(0.25, 1.1);
-        (from + along * t).distance(at)
-    };
-    let nearest = (0..3).min_by(|a, b| distance(tips[*a]).total_cmp(&distance(tips[*b])))?;
-    (distance(tips[nearest]) < 10.0).then_some(nearest)
-}
-
-/// Figure 2 of the paper: the mesh inside the texture cube.
-fn cube(m: &Modeller, painter: &Painter, rect: Rect, scene: &Scene) {
-    let inset = cube_rect(rect);
-    painter.rect(
-        inset,
-        6.0,
-        Color32::from_black_alpha(120),
-        Line::new(1.0, Color32::from_white_alpha(30)),
-        egui::StrokeKind::Inside,
-    );
-    let inner = painter.with_clip_rect(inset.intersect(painter.clip_rect()));
-    let camera = cube_camera(scene);
-    let projector = Projector::new(&camera, inset);
-    let world = scene.object.volume.grid.world_from_texture();
-    let corner = |i: usize| {
-        let bit = |b: usize| if i >> b & 1 == 1 { 1.0 } else { 0.0 };
-        world.transform_point3(DVec3::new(bit(0), bit(1), bit(2)))
-    };
-    mesh(&inner, &projector, scene, theme::ACCENT.gamma_multiply(0.45));
-    for i in 0..8usize {
-        for b in 0..3 {
-            let j = i ^ (1 << b);
-            if i < j {
-                segment(&inner, &projector, corner(i), corner(j), Line::new(1.0, Color32::from_white_alpha(110)));
-            }
-        }
-    }
-    if let Some((from, tips)) = arrows(scene, rect) {
-        for (axis, tip) in tips.iter().enumerate() {
-            let held = matches!(m.doing, Doing::Arrow { axis: a, .. } if a == axis);
-            if (*tip - from).length() > 4.0 {
-                inner.arrow(from, *tip - from, Line::new(if held { 3.0 } else { 2.0 }, theme::AXES[axis]));
-            }
-        }
-    }
-    painter.text(
-        inset.left_top() + Vec2::new(8.0, 6.0),
-        Align2::LEFT_TOP,
-        "Texture cube",
-        FontId::proportional(11.0),
-        Color32::from_white_alpha(170),
-    );
 }
 
 fn gizmo_center(rect: Rect) -> Pos2 {

@@ -4,8 +4,10 @@ use eframe::egui::{self, RichText};
 
 use super::desk::file_name;
 use super::keys;
-use super::modeller::{After, Modeller, Question};
+use super::modeller::Modeller;
+use super::navigate::Orbit;
 use super::settings::ThemeChoice;
+use super::state::{After, Question};
 use super::tasks::{self, Purpose};
 use super::theme;
 use super::turntable::Turntable;
@@ -152,18 +154,16 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
             }
             Question::Keys => {
                 ui.heading("Keys");
-                let mut group = "";
-                egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
-                    for (g, key, what) in keys::MAP {
-                        if *g != group {
-                            ui.label(RichText::new(*g).strong());
-                            ui.end_row();
-                            group = g;
+                // side by side, so that the whole map fits into a small window
+                ui.set_width(KEYS_WIDTH.min(ctx.content_rect().width() - 80.0));
+                egui::ScrollArea::vertical().max_height(ctx.content_rect().height() - 180.0).show(ui, |ui| {
+                    ui.columns(2, |columns| {
+                        for (column, groups) in columns.iter_mut().zip([&["Tools", "Work"][..], &["View"]]) {
+                            for group in groups {
+                                key_group(column, group);
+                            }
                         }
-                        ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
-                        ui.label(*what);
-                        ui.end_row();
-                    }
+                    });
                 });
                 buttons(ui, |ui| {
                     if ui.button("Close").clicked() {
@@ -179,6 +179,13 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
                     ui.horizontal(|ui| {
                         ui.selectable_value(&mut m.settings.theme, ThemeChoice::Dark, "Dark");
                         ui.selectable_value(&mut m.settings.theme, ThemeChoice::Light, "Light");
+                    });
+                    ui.end_row();
+                    ui.label("Orbit");
+                    ui.horizontal(|ui| {
+                        for orbit in Orbit::ALL {
+                            ui.selectable_value(&mut m.settings.orbit, orbit, orbit.name());
+                        }
                     });
                     ui.end_row();
                     let label = ui.label("Size of the interface");
@@ -216,6 +223,22 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
         }
     });
     m.question = next;
+}
+
+/// Of the map of keys.
+const KEYS_WIDTH: f32 = 860.0;
+
+/// The keys of one group.
+fn key_group(ui: &mut egui::Ui, group: &str) {
+    ui.add_space(8.0);
+    ui.label(RichText::new(group).strong());
+    egui::Grid::new(("keys", group)).num_columns(2).spacing([16.0, 4.0]).min_row_height(20.0).show(ui, |ui| {
+        for (_, key, what) in keys::MAP.iter().filter(|(g, ..)| *g == group) {
+            ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
+            ui.add(egui::Label::new(*what).wrap());
+            ui.end_row();
+        }
+    });
 }
 
 fn describe(aside: &super::recovery::Aside) -> String {

@@ -1,9 +1,10 @@
 //! Tools: from what the hand does to deformations. Nothing here knows of windows.
 
-use eframe::egui::Vec2;
+use eframe::egui::{Pos2, Vec2};
 use glam::DVec3;
 
 use crate::deform::{Action, Brush, DeformError, Deformation, Deformer, DisplacementVolume, Falloff, Grab, Limit};
+use crate::evaluate::masked::{ValueMask, masked};
 use crate::evaluate::pick::Hit;
 use crate::render::Camera;
 use crate::scene::Document;
@@ -78,7 +79,7 @@ impl Tool {
             Self::Twist => "Drag left or right to twist round the line of sight",
             Self::Smooth => "Drag over strokes to let them give way",
             Self::Lattice => "Drag a handle of the lattice",
-            Self::Place => "Drag an arrow to move the shape in the volume; Tab shows the texture cube",
+            Self::Place => "In the texture cube: arrows move the shape, rings turn it, boxes scale it",
             Self::Pick => "Click the object to take its value as isovalue",
             Self::Measure => "Click two points to measure their distance",
         }
@@ -135,6 +136,8 @@ pub struct Hand {
     pub mirror: [bool; 3],
     /// A grab moves the object's outline too, where that is a mesh of its own.
     pub moves_shape: bool,
+    /// Only material with real values from the first to the second follows.
+    pub mask: Option<[f64; 2]>,
 }
 
 impl Hand {
@@ -149,6 +152,7 @@ impl Hand {
             shape: Shape::Volume,
             mirror: [false; 3],
             moves_shape: true,
+            mask: None,
         }
     }
 }
@@ -162,7 +166,9 @@ pub struct Stroke {
     pub camera: Camera,
     /// Middle of the volume, for mirror images.
     pub center: DVec3,
-    /// The whole way since the button went down, in points.
+    /// Where the button went down.
+    pub from: Pos2,
+    /// The whole way since then, in points.
     pub drag: Vec2,
     /// The other way round.
     pub inverse: bool,
@@ -188,11 +194,11 @@ impl Stroke {
         (axes.x_axis * f64::from(self.drag.x) - axes.y_axis * f64::from(self.drag.y)) * self.scale
     }
 
-    /// The deformations of the stroke so far; none if it does nothing yet.
+    /// The deformations of the stroke so far; none if it does nothing yet. With a mask, only what it holds follows.
     ///
     /// # Errors
     /// If the numbers make no deformation.
-    pub fn make(&self, hand: &Hand, document: &Document) -> Result<Made, DeformError> {
+    pub fn make(&self, hand: &Hand, document: &Document, mask: Option<&ValueMask>) -> Result<Made, DeformError> {
         let number = document.stack.items.len() + 1;
         let length = f64::from(self.drag.length()) * self.scale;
         if length < 1e-3 * hand.radius {
@@ -249,9 +255,7 @@ impl Stroke {
             Tool::Smooth | Tool::Lattice | Tool::Place | Tool::Pick | Tool::Measure => return Ok(Made::default()),
         };
         let limit = if document.allow_folds { Limit::LetThrough } else { Limit::default() };
-        let limited = deformer.limited(limit);
-        let (asked, kept) = (limited.asked, limited.kept);
-        let mut item = Deformation::new(format!("{} {number}", hand.tool.name()), limited.deformer);
+        let mut item = Deformation::new(format!("{} {number}", hand.tool.name()), deformer);
         item.moves_shape = hand.moves_shape && hand.tool == Tool::Grab;
         let mut items = vec![item];
         for (on, axis) in hand.mirror.iter().zip([DVec3::X, DVec3::Y, DVec3::Z]) {
@@ -260,8 +264,27 @@ impl Stroke {
                 items.extend(images?);
             }
         }
-        let part = if asked > 0.0 { kept / asked } else { 1.0 };
-        Ok(Made { items, asked, kept, arrow: arrow.map(|(p, v)| (p, p + v * part)) })
+        if let Some(mask) = mask {
+            // each image by what is there
+            let before = document.stack.prepared();
+            let mut held = Vec::with_capacity(items.len());
+            for mut item in items {
+                if let Some(deformer) = masked(&item.deformer, &before, mask)? {
+                    item.deformer = deformer;
+                    item.name.push_str(", masked");
+                    held.push(item);
+                }
+            }
+            items = held;
+        }
+        let (mut asked, mut part) = (0.0_f64, 1.0_f64);
+        for item in &mut items {
+            let limited = item.deformer.limited(limit);
+            asked = asked.max(limited.asked);
+            part = part.min(if limited.asked > 0.0 { limited.kept / limited.asked } else { 1.0 });
+            item.deformer = limited.deformer;
+        }
+        Ok(Made { items, asked, kept: asked * part, arrow: arrow.map(|(p, v)| (p, p + v * part)) })
     }
 }
 
@@ -310,7 +333,7 @@ mod tests {
         };
         let point = DVec3::new(3.0, 4.0, 5.0);
         let hit = Hit { point, rest: point, voxel: point, value: 1.0, normal: camera.to_eye() };
-        Stroke { hit, scale: 0.5, camera, center: DVec3::ZERO, drag, inverse: false, along: false }
+        Stroke { hit, scale: 0.5, camera, center: DVec3::ZERO, from: Pos2::ZERO, drag, inverse: false, along: false }
     }
 
     #[test]
@@ -319,7 +342,7 @@ mod tests {
         for shape in Shape::ALL {
             let hand = Hand { shape, ..hand };
             let s = stroke(Vec2::new(12.0, -9.0));
-            let made = s.make(&hand, &document()).unwrap();
+            let made = s.make(&hand, &document(), None).unwrap();
             assert_eq!(made.items.len(), 1);
             let (from, to) = made.arrow.unwrap();
             assert!((made.items[0].deformer.backward(to) - from).length() < 1e-9, "{shape:?}");
@@ -331,17 +354,17 @@ mod tests {
     fn no_stroke_folds_and_mirrors_double() {
         for tool in Tool::ALL {
             let hand = Hand { tool, radius: 20.0, mirror: [true, false, true], ..Hand::for_size(100.0) };
-            let made = stroke(Vec2::new(300.0, -500.0)).make(&hand, &document()).unwrap();
+            let made = stroke(Vec2::new(300.0, -500.0)).make(&hand, &document(), None).unwrap();
             assert!(made.items.iter().all(|i| i.deformer.steepness() < 1.0), "{tool:?}");
             assert!(made.items.is_empty() || made.items.len() == 4, "{tool:?}");
         }
-        assert!(stroke(Vec2::ZERO).make(&Hand::for_size(10.0), &document()).unwrap().items.is_empty());
+        assert!(stroke(Vec2::ZERO).make(&Hand::for_size(10.0), &document(), None).unwrap().items.is_empty());
     }
 
     #[test]
     fn smoothing_weakens_what_is_near() {
         let mut d = document();
-        let near = stroke(Vec2::new(20.0, 0.0)).make(&Hand::for_size(100.0), &d).unwrap();
+        let near = stroke(Vec2::new(20.0, 0.0)).make(&Hand::for_size(100.0), &d, None).unwrap();
         d.stack.items.extend(near.items);
         let point = DVec3::new(3.0, 4.0, 5.0);
         let after = smoothed(&d, point, 30.0, 0.5).unwrap();

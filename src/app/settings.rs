@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::navigate::Orbit;
+
 /// More than this nobody looks for in a menu.
 const MOST_RECENT: usize = 10;
 
@@ -13,6 +15,8 @@ pub struct Settings {
     pub theme: ThemeChoice,
     /// Size of the interface, 1 as the system says.
     pub zoom: f32,
+    /// How a drag turns the view.
+    pub orbit: Orbit,
     /// Milliseconds that a picture may take while something moves.
     pub preview_ms: f32,
     /// Seconds of rest before unsaved work is put aside.
@@ -36,6 +40,7 @@ impl Default for Settings {
         Self {
             theme: ThemeChoice::Dark,
             zoom: 1.0,
+            orbit: Orbit::Turntable,
             preview_ms: 33.0,
             autosave_seconds: 2.0,
             undo_megabytes: 64,

@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, ColorImage, Pos2, Rect, Sense, Stroke as Line, TextureOptions, Vec2};
 
 use super::modeller::Modeller;
-use super::theme;
+use super::{heat, theme};
 
 const NAMES: [&str; 3] = ["across i", "across j", "across k"];
 
@@ -101,16 +101,7 @@ fn colour(m: &mut Modeller, ctx: &egui::Context) {
     m.textures.window = m.view.window;
 }
 
-/// Blue where material is squeezed, orange where it is stretched, red where space is folded. Twice as large or half is the
-/// full colour.
+/// The grey with the colour of its growth over it.
 fn tinted(grey: Color32, growth: f32) -> Color32 {
-    if grey == Color32::TRANSPARENT {
-        return grey;
-    }
-    if growth <= 0.0 || !growth.is_finite() {
-        return theme::ERROR;
-    }
-    let t = growth.log2().clamp(-1.0, 1.0);
-    let toward = if t > 0.0 { theme::ACCENT } else { theme::AXES[2] };
-    grey.lerp_to_gamma(toward, 0.6 * t.abs())
+    if grey == Color32::TRANSPARENT { grey } else { grey.lerp_to_gamma(heat::color(growth), heat::weight(growth)) }
 }

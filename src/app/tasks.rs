@@ -14,6 +14,7 @@ use super::turntable::{self, Turntable};
 use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
 use crate::evaluate::export::{ExportError, ExportOptions, Precision, stored_outside};
 use crate::evaluate::load::{self, Data, Object, Workspace};
+use crate::evaluate::masked::ValueMask;
 use crate::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use crate::evaluate::{EvaluateError, resample, tets};
 use crate::io;
@@ -81,6 +82,8 @@ pub enum Outcome {
     Exported(Box<Exported>),
     Written(PathBuf),
     Chosen(Purpose, PathBuf),
+    /// A mask by value, of this volume.
+    Masked(Arc<Data>, Arc<ValueMask>),
     /// Nothing was chosen, or it was cancelled: nothing more to say.
     Nothing,
     Failed(String),
@@ -382,6 +385,17 @@ pub fn turntable(
         let look = Look { background: document.look.background.unwrap_or(ground), ..document.look.look(object.iso) };
         let made = turntable::make(&object, &document.camera, &look, &options, &table, &|done| watch.report(done))?;
         Ok(Outcome::Written(made))
+    })
+}
+
+/// What masks are called in the status bar.
+pub const MASKING: &str = "Preparing the mask";
+
+/// Finds out where values within a range are.
+pub fn mask(ctx: &egui::Context, data: Arc<Data>, range: [f64; 2]) -> Task {
+    Task::start(ctx, MASKING, false, move |_| {
+        let mask = ValueMask::of(&data.volume, range);
+        Ok(Outcome::Masked(data, Arc::new(mask)))
     })
 }
 

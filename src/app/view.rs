@@ -6,11 +6,11 @@ use std::time::Instant;
 use eframe::egui::{self, Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, Stroke as Line, Vec2};
 use glam::{DMat3, DVec3};
 
-use super::modeller::{Doing, Layout, Modeller};
+use super::modeller::Modeller;
 use super::navigate::{self, Projector, world_per_point};
-use super::overlay;
 use super::sculpt::{Hand, Made, Stroke, Tool, smoothed};
-use super::theme;
+use super::state::{Doing, Layout};
+use super::{cube, grips, heat, overlay, theme};
 use crate::deform::{Deformation, Deformer, Lattice};
 use crate::evaluate::load::Object;
 use crate::evaluate::pick::{Hit, Probe, Ray};
@@ -49,8 +49,11 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     };
     pointer(m, ui, &response, rect, &scene);
     // the camera may just have moved: what lies over the picture belongs to the picture that is there
+    heat::show(m, ui, rect, &scene);
     overlay::show(m, ui, rect, &scene, response.hovered());
     overlay::axes(m, ui, rect, &scene);
+    grips::show(m, ui, rect, &scene);
+    cube::show(m, ui, rect, &scene);
     menu(m, &response);
 }
 
@@ -175,8 +178,8 @@ fn pointer(m: &mut Modeller, ui: &egui::Ui, response: &Response, rect: Rect, sce
         return;
     }
 
-    // wheel: zoom to the pointer
-    if response.hovered() {
+    // wheel: zoom to the pointer, also over handles
+    if response.contains_pointer() {
         let scroll = ctx.input(|i| i.smooth_scroll_delta().y);
         let pinch = f64::from(ctx.input(egui::InputState::zoom_delta));
         let factor = (f64::from(scroll) * 0.004).exp() * if scroll == 0.0 { pinch } else { 1.0 };
@@ -243,11 +246,6 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
             return Doing::Wipe;
         }
     }
-    if m.view.cube
-        && let Some(axis) = overlay::arrow_at(m, scene, rect, from)
-    {
-        return arrow(m, scene, rect, axis);
-    }
     match m.hand.tool {
         Tool::Lattice => {
             if let Some(doing) = handle_at(m, scene, rect, from) {
@@ -260,6 +258,11 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
             }
         }
         tool if tool.is_brush() => {
+            let ready = |d: &super::desk::Desk| d.mask.as_ref().is_some_and(|k| Some(k.range) == m.hand.mask);
+            if m.hand.mask.is_some() && !m.desk.as_ref().is_some_and(ready) {
+                m.tell("The mask is being prepared: try again in a moment".to_owned(), false);
+                return Doing::Nothing;
+            }
             if let Some(hit) = pick(m, scene, rect, from) {
                 m.hover = Some(hit);
                 let stroke = Stroke {
@@ -267,6 +270,7 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
                     scale: world_per_point(&scene.camera, rect, hit.point),
                     camera: scene.camera,
                     center: scene.object.volume.grid.center(),
+                    from,
                     drag: Vec2::ZERO,
                     inverse: modifiers.ctrl || modifiers.command,
                     along: modifiers.shift,
@@ -280,29 +284,26 @@ fn begin(m: &mut Modeller, scene: &Scene, rect: Rect, from: Pos2, modifiers: egu
     Doing::Orbit
 }
 
-fn arrow(m: &Modeller, scene: &Scene, rect: Rect, axis: usize) -> Doing {
-    let start = m.desk.as_ref().map_or(DVec3::ZERO, |d| d.history.document().placement.translate);
-    let scale = overlay::cube_scale(scene, rect);
-    Doing::Arrow { axis, start, drag: Vec2::ZERO, scale }
-}
-
-fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modifiers: egui::Modifiers) {
+/// A drag in the main view goes on.
+pub fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modifiers: egui::Modifiers) {
     if delta == Vec2::ZERO {
         return;
     }
     let mut doing = std::mem::replace(&mut m.doing, Doing::Nothing);
     match &mut doing {
-        Doing::Orbit => m.edit(Edit::SetCamera(navigate::orbit(&scene.spec, delta, rect))),
+        Doing::Orbit => m.edit(Edit::SetCamera(navigate::orbit(&scene.spec, m.settings.orbit, delta, rect))),
         Doing::Pan => m.edit(Edit::SetCamera(navigate::pan(&scene.spec, &scene.camera, delta, rect))),
         Doing::Wipe => m.view.wipe = ((at.x - rect.left()) / rect.width()).clamp(0.02, 0.98),
         Doing::Stroke { stroke, made } => {
-            stroke.drag += delta;
+            // from where it took hold, not from where the drag was noticed
+            stroke.drag = at - stroke.from;
             stroke.inverse = modifiers.ctrl || modifiers.command;
             stroke.along = modifiers.shift;
             if let Some(desk) = &mut m.desk {
                 // numbers that make no deformation leave the last one
                 let hand = Hand { strength: m.hand.strength * f64::from(m.pressure), ..m.hand };
-                if let Ok(new) = stroke.make(&hand, desk.history.document()) {
+                let mask = hand.mask.and(desk.mask.as_deref());
+                if let Ok(new) = stroke.make(&hand, desk.history.document(), mask) {
                     *made = new;
                     let mut document = (**desk.history.document()).clone();
                     document.stack.items.extend_from_slice(&made.items);
@@ -327,39 +328,30 @@ fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, modi
             let moved = (axes.x_axis * f64::from(drag.x) - axes.y_axis * f64::from(drag.y)) * *scale;
             move_handle(m, *item, *handle, *start + moved);
         }
-        Doing::Arrow { axis, start, drag, scale } => {
-            *drag += delta;
-            let axes = scene.camera.axes();
-            let direction = [DVec3::X, DVec3::Y, DVec3::Z][*axis];
-            // along the arrow as it is seen
-            let seen = Vec2::new(direction.dot(axes.x_axis) as f32, -direction.dot(axes.y_axis) as f32);
-            let length = f64::from(seen.length_sq()).max(0.02);
-            let along = f64::from(drag.dot(seen)) / length * *scale;
-            if let Some(desk) = &m.desk {
-                let placement = desk.history.document().placement;
-                let translate = *start + direction * along;
-                m.edit(Edit::SetPlacement(crate::scene::Placement { translate, ..placement }));
-            }
-        }
-        Doing::Nothing | Doing::Radius { .. } | Doing::Strength { .. } => {}
+        Doing::Nothing | Doing::Radius { .. } | Doing::Strength { .. } | Doing::Placing(_) | Doing::Grip(_) => {}
     }
     m.doing = doing;
 }
 
 /// The button has gone up: what was done is a step.
-fn end(m: &mut Modeller) {
+pub fn end(m: &mut Modeller) {
     let doing = std::mem::replace(&mut m.doing, Doing::Nothing);
     let preview = m.desk.as_mut().and_then(|d| d.preview.take());
     match doing {
+        Doing::Stroke { stroke, made }
+            if made.items.is_empty() && m.hand.mask.is_some() && stroke.drag.length() > 4.0 =>
+        {
+            m.tell("Nothing here has a value within the mask".to_owned(), false);
+        }
         Doing::Stroke { made, .. } if !made.items.is_empty() => {
             let back = made.asked - made.kept;
             if back > 1e-3 * made.asked {
                 let unit = m.desk.as_ref().map_or("units", |d| d.unit());
                 let tool = m.hand.tool;
-                let how = if matches!(tool, Tool::Grab | Tool::Push) {
+                let how = if matches!(tool, Tool::Grab | Tool::Push) && m.hand.mask.is_none() {
                     format!("{back:.1} of {:.1} {unit}", made.asked)
                 } else {
-                    format!("{:.0} % of it", 100.0 * back / made.asked)
+                    format!("{:.0} %", 100.0 * back / made.asked)
                 };
                 m.tell(
                     format!("The stroke was held back by {how}: more would fold. A larger radius reaches farther."),
@@ -376,6 +368,12 @@ fn end(m: &mut Modeller) {
         Doing::Handle { .. } => {
             if let Some(document) = preview {
                 m.edit(Edit::ReplaceAll(document.stack.clone()));
+            }
+        }
+        Doing::Grip(grip) => grips::keep(m, &grip),
+        Doing::Placing(_) => {
+            if let Some(document) = preview {
+                m.edit(Edit::SetPlacement(document.placement));
             }
         }
         _ => {}

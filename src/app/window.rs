@@ -2,7 +2,8 @@ use std::time::Duration;
 
 use eframe::egui::{self, ViewportBuilder};
 
-use super::modeller::{Modeller, Start};
+use super::modeller::Modeller;
+use super::state::Start;
 
 /// Opens the window and works until it is closed.
 ///
@@ -21,11 +22,30 @@ pub fn run(start: Start) -> Result<(), String> {
         ..Default::default()
     };
     let app = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
+        super::fonts::look_for_more(&cc.egui_ctx);
         Ok(Box::new(Window { modeller: Modeller::new(&cc.egui_ctx, start) }))
     };
     eframe::run_native("voxclay", options, Box::new(app)).map_err(|e| {
-        format!("the window could not be opened ({e}); `voxclay demo` and the other commands work without one")
+        let why = plain(&e);
+        format!("the window could not be opened: {why}. `voxclay demo` and the other commands work without one")
     })
+}
+
+/// What went wrong, for those who do not know what the window is made with.
+fn plain(error: &eframe::Error) -> String {
+    match error {
+        eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_) => {
+            let named = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
+            match named("WAYLAND_DISPLAY").or_else(|| named("DISPLAY")) {
+                Some(display) => format!("the display {display} does not answer"),
+                None => "there is no display".to_owned(),
+            }
+        }
+        eframe::Error::Wgpu(_) => {
+            "no graphics driver here can draw it; a Vulkan driver is needed, such as Mesa's".to_owned()
+        }
+        other => other.to_string(),
+    }
 }
 
 /// Any adapter will do, also a software one: pictures come from the worker.

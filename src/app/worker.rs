@@ -13,15 +13,21 @@ use std::time::Instant;
 use eframe::egui::{self, ColorImage};
 use glam::DVec3;
 
+use super::pace::Pace;
+use super::soften;
 use crate::compare::Difference;
 use crate::compare::picture::{DifferenceMap, Scale, pictures};
 use crate::deform::Stack;
+use crate::evaluate::heat::{HeatSurface, TetLayer};
 use crate::evaluate::load::{Data, Object, Workspace};
 use crate::evaluate::picture::{Backend, Mode, PictureReport, Refinement, Renderer, ViewOptions};
 use crate::evaluate::section::Section;
-use crate::evaluate::{EvaluateError, geometry, tets};
-use crate::render::{Camera, Look, Picture, Shading};
+use crate::evaluate::tets::Lattice;
+use crate::evaluate::{EvaluateError, coarser, geometry, tets};
+use crate::gpu::GpuError;
+use crate::render::{Camera, Field, Look, Picture, Shading};
 use crate::scene::{CameraSpec, Document, LookSpec, ShadingSpec};
+use crate::volume::Volume;
 
 /// What is held against the main picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +58,23 @@ pub struct Want {
     pub growth: bool,
     /// Also the triangles of the middle slice.
     pub tessellation: bool,
+    /// Also the tetrahedra of the lattice at the plane through this point, facing the eye.
+    pub tets: Option<DVec3>,
+    /// Also the growth on the visible surface.
+    pub heat: bool,
     pub ground: [[f32; 3]; 2],
+}
+
+impl Want {
+    /// Whether the main view would be the same.
+    fn same_picture(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.data, &other.data)
+            && (Arc::ptr_eq(&self.document, &other.document) || self.document == other.document)
+            && self.base == other.base
+            && (self.size, self.mode, self.ground) == (other.size, other.mode, other.ground)
+            // one that is no longer looked at may stay
+            && (other.other.is_none() || self.other == other.other)
+    }
 }
 
 /// A picture and its other, if there is one.
@@ -98,6 +120,10 @@ pub enum News {
     Sections(Box<Sections>),
     /// Edges of the triangles of the middle slice, in the world.
     Tessellation(Vec<[DVec3; 2]>),
+    Tets(Arc<TetLayer>),
+    Heat(Arc<HeatSurface>),
+    /// Something to know; the picture came nevertheless.
+    Note(String),
     Failed(String),
 }
 
@@ -137,6 +163,9 @@ impl Worker {
                 renderer: None,
                 known: None,
                 warped: None,
+                lattice: None,
+                full: None,
+                smaller: None,
                 pace: Pace::default(),
             }
             .run();
@@ -168,39 +197,12 @@ impl Drop for Worker {
     }
 }
 
-/// What pictures cost here, learned from those that were made.
-#[derive(Debug, Clone, Copy)]
-struct Pace {
-    /// Nanoseconds for a pixel of a slice.
-    pixel: f64,
-    /// Milliseconds for slices and whatever else does not depend on the number of pixels.
-    fixed: f64,
-}
-
-impl Default for Pace {
-    fn default() -> Self {
-        // a slow machine: the first picture is soon there, and tells the truth
-        Self { pixel: 4.0, fixed: 8.0 }
-    }
-}
-
-impl Pace {
-    fn learn(&mut self, report: &PictureReport, (w, h): (u32, u32)) {
-        let work = f64::from(w) * f64::from(h) * report.slices.max(1) as f64;
-        let mix = |old: f64, new: f64| 0.6 * old + 0.4 * new;
-        self.pixel = mix(self.pixel, report.ms_draw * 1e6 / work.max(1.0)).clamp(1e-4, 1e3);
-        self.fixed = mix(self.fixed, report.ms_geometry);
-    }
-
-    /// The part of the full resolution that fits into `budget` milliseconds.
-    fn scale(&self, (w, h): (u32, u32), slices: f64, budget: f64) -> f64 {
-        let full = self.pixel * 1e-6 * f64::from(w) * f64::from(h) * slices;
-        ((budget - self.fixed).max(0.25 * budget) / full.max(1e-9)).sqrt().clamp(COARSEST, 1.0)
-    }
-}
-
-/// Coarser than this nothing can be made out.
-const COARSEST: f64 = 0.2;
+/// Points of a view at which the growth is measured.
+const HEAT_POINTS: f64 = 14_000.0;
+/// What the device calls a volume when it is too large.
+const VOLUME: &str = "a volume";
+/// Coarser than by this factor, a volume is not worth looking at.
+const LEAST_OF_A_VOLUME: usize = 16;
 /// Milliseconds of a picture between the coarse and the full one.
 const BETWEEN: f64 = 160.0;
 
@@ -213,7 +215,22 @@ struct Painter {
     known: Option<Known>,
     /// Of the known object.
     warped: Option<Arc<Object>>,
+    /// Of the known object.
+    lattice: Option<Arc<Lattice>>,
+    /// What the window has a full picture of.
+    full: Option<Want>,
+    /// A volume that the device does not take, and what is drawn in its stead.
+    smaller: Option<Smaller>,
     pace: Pace,
+}
+
+/// What is drawn where the whole does not fit.
+struct Smaller {
+    of: Arc<Volume>,
+    /// Voxels along each axis that became one.
+    factor: usize,
+    volume: Arc<Volume>,
+    field: Field,
 }
 
 /// What the last picture was of.
@@ -267,7 +284,11 @@ impl Painter {
         let stale = move || shared.newest.load(Ordering::SeqCst) != generation;
         let factor = if want.other.is_some() { 0.5 } else { 1.0 };
         let coarse = self.pace.scale(want.size, slices(0.5), f64::from(want.budget) * factor);
-        self.picture(generation, asked, want, &object, coarse, slices(coarse), want.moving, &|| false)?;
+        // an overlay alone needs no new picture: a coarse one would only flicker
+        let seen = self.full.as_ref().is_some_and(|full| full.same_picture(want));
+        if !seen {
+            self.picture(generation, asked, want, &object, coarse, slices(coarse), want.moving, &|| false)?;
+        }
         if let Some((point, longest)) = want.sections
             && !stale()
         {
@@ -283,15 +304,42 @@ impl Painter {
         if want.tessellation && !stale() {
             self.say(News::Tessellation(tessellation(&object, want)?));
         }
+        if let Some(point) = want.tets
+            && !stale()
+        {
+            self.tets(want, &object, point)?;
+        }
         if want.moving {
             return Ok(());
         }
         let between = self.pace.scale(want.size, slices(0.7), BETWEEN * factor);
-        if between > 1.3 * coarse && between < 0.8 && !stale() {
+        if !seen && between > 1.3 * coarse && between < 0.8 && !stale() {
             self.picture(generation, asked, want, &object, between, slices(between), false, &stale)?;
         }
-        if coarse < 1.0 {
+        if !seen && coarse < 1.0 {
             self.picture(generation, asked, want, &object, 1.0, slices(1.0), false, &stale)?;
+        }
+        if want.heat && !stale() {
+            let camera = object.camera(&want.document.camera);
+            let shading = want.document.look.look(object.iso).shading;
+            let pixels = f64::from(want.size.0) * f64::from(want.size.1);
+            let step = (pixels / HEAT_POINTS).sqrt().max(3.0);
+            if let Some(surface) = HeatSurface::of(&object, &camera, shading, want.size, step, &stale) {
+                self.say(News::Heat(Arc::new(surface)));
+            }
+        }
+        Ok(())
+    }
+
+    /// A layer of the lattice. While a stroke is under way the one before stays.
+    fn tets(&mut self, want: &Want, object: &Object, point: DVec3) -> Result<(), EvaluateError> {
+        if self.lattice.is_none() && !want.moving {
+            let lattice = tets::lattice(object, Refinement::Tolerance(tets::TOLERANCE))?;
+            self.lattice = Some(Arc::new(lattice));
+        }
+        if let Some(lattice) = &self.lattice {
+            let normal = object.camera(&want.document.camera).to_eye();
+            self.say(News::Tets(Arc::new(TetLayer::of(lattice, point, normal))));
         }
         Ok(())
     }
@@ -315,6 +363,7 @@ impl Painter {
         let object = Arc::new(known.workspace.object(&want.document)?);
         known.made = Some((want.document.clone(), object.clone()));
         self.warped = None;
+        self.lattice = None;
         self.say(News::Object(want.document.clone(), object.clone()));
         Ok(object)
     }
@@ -369,9 +418,13 @@ impl Painter {
                 }
             }
         };
+        self.full = last.then(|| want.clone());
+        // what will be stretched is made smooth first
+        let smooth = |image: ColorImage| Arc::new(if scale < 0.75 { soften::doubled(&image) } else { image });
+        let other = other.map(|o| if scale < 0.75 { OtherShown { image: smooth((*o.image).clone()), ..o } } else { o });
         self.say(News::Picture(Box::new(Shown {
             generation,
-            image: Arc::new(image(&main)),
+            image: smooth(image(&main)),
             other,
             report,
             scale: scale as f32,
@@ -422,11 +475,42 @@ impl Painter {
                 object = warped;
             }
         }
-        let renderer = match &mut self.renderer {
-            Some(renderer) => renderer,
-            None => self.renderer.insert(Renderer::new(self.backend)?),
-        };
-        renderer.picture_until(&object, camera, &look, &ViewOptions { mode, ..*options }, stop)
+        loop {
+            // coarser as soon as it is known that the full one does not fit
+            let fitting = match &self.smaller {
+                Some(s) if Arc::ptr_eq(&s.of, &object.volume) => {
+                    Arc::new(coarser::with_volume(&object, s.volume.clone(), s.field.clone()))
+                }
+                _ => object.clone(),
+            };
+            let renderer = match &mut self.renderer {
+                Some(renderer) => renderer,
+                None => self.renderer.insert(Renderer::new(self.backend)?),
+            };
+            let drawn = renderer.picture_until(&fitting, camera, &look, &ViewOptions { mode, ..*options }, stop);
+            match drawn {
+                Err(EvaluateError::Gpu(GpuError::TooLarge { what: VOLUME, .. } | GpuError::OutOfMemory { .. }))
+                    if self.halve(&object.volume) => {}
+                drawn => return drawn,
+            }
+        }
+    }
+
+    /// Half the resolution of what is drawn of a volume, and a word about it; false if there is no sense in less.
+    fn halve(&mut self, volume: &Arc<Volume>) -> bool {
+        let before = self.smaller.take().filter(|s| Arc::ptr_eq(&s.of, volume)).map_or(1, |s| s.factor);
+        let factor = 2 * before;
+        if factor > LEAST_OF_A_VOLUME {
+            return false;
+        }
+        let small = Arc::new(coarser::coarser(volume, factor));
+        let field = Field::from_volume(small.clone());
+        self.say(News::Note(format!(
+            "The volume is larger than the graphics card takes: it is shown at 1/{factor} of its resolution along each axis. \
+             Exports use all of it."
+        )));
+        self.smaller = Some(Smaller { of: volume.clone(), factor, volume: small, field });
+        true
     }
 }
 

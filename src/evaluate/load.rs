@@ -38,6 +38,8 @@ pub struct Object {
     /// The proxy mesh in the world, moved by the shape tools.
     pub mesh: TriMesh,
     pub topology: Arc<Topology>,
+    /// What the placement turns and scales about, before it moves: the middle of the undeformed mesh, in the world.
+    pub pivot: DVec3,
     /// Whether the mesh is more than the volume's box.
     pub shaped: bool,
     pub stack: Stack,
@@ -141,7 +143,7 @@ impl Workspace {
         let window = transfer.resolve(field.range);
         let mut warnings = Vec::new();
         let stack = unfolded(document, &mut warnings);
-        let (mesh, topology) = self.proxy(document, &stack, volume, *iso, &mut warnings)?;
+        let (mesh, topology, pivot) = self.proxy(document, &stack, volume, *iso, &mut warnings)?;
         let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
         Ok(Object {
             volume: volume.clone(),
@@ -152,6 +154,7 @@ impl Workspace {
             focus: *focus,
             mesh,
             topology,
+            pivot,
             shaped,
             stack,
             clip: document.clip.planes(&volume.grid.world_from_texture()),
@@ -159,7 +162,7 @@ impl Workspace {
         })
     }
 
-    /// The proxy mesh in the world, placed and moved by the shape tools.
+    /// The proxy mesh in the world, placed and moved by the shape tools, and what it was placed about.
     fn proxy(
         &mut self,
         document: &Document,
@@ -167,12 +170,13 @@ impl Workspace {
         volume: &Volume,
         iso: f64,
         warnings: &mut Vec<String>,
-    ) -> Result<(TriMesh, Arc<Topology>), EvaluateError> {
+    ) -> Result<(TriMesh, Arc<Topology>, DVec3), EvaluateError> {
         if document.proxy == ProxySource::Box {
             // a box that holds the volume must also hold what was pulled out of it
-            let mesh = placed(&grown_box(&volume.grid, stack), &document.placement)?;
+            let grown = grown_box(&volume.grid, stack);
+            let mesh = placed(&grown, &document.placement)?;
             let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
-            return Ok((mesh, Arc::new(topology)));
+            return Ok((mesh, Arc::new(topology), middle(&grown)));
         }
         let shape = match &self.shape {
             Some((known, shape)) if *known == document.proxy => shape.clone(),
@@ -192,7 +196,7 @@ impl Workspace {
         } else {
             stack.move_mesh(&placed)?
         };
-        Ok((mesh, shape.topology))
+        Ok((mesh, shape.topology, middle(&shape.mesh)))
     }
 }
 
@@ -352,12 +356,15 @@ fn placed(mesh: &TriMesh, placement: &Placement) -> Result<TriMesh, EvaluateErro
     if let Some(flat) = s.to_array().into_iter().find(|f| !f.is_finite() || *f == 0.0) {
         return Err(EvaluateError::FlatPlacement(flat));
     }
-    Ok(match mesh.bounds() {
-        Some((lo, hi)) if *placement != Placement::default() => {
-            mesh.transformed(&placement.world_from_mesh(0.5 * (lo + hi)))
-        }
-        _ => mesh.clone(),
-    })
+    if *placement == Placement::default() {
+        return Ok(mesh.clone());
+    }
+    Ok(mesh.transformed(&placement.world_from_mesh(middle(mesh))))
+}
+
+/// The middle of a mesh's bounds.
+fn middle(mesh: &TriMesh) -> DVec3 {
+    mesh.bounds().map_or(DVec3::ZERO, |(lo, hi)| 0.5 * (lo + hi))
 }
 
 /// A proxy mesh as it was made or read.

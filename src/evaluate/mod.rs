@@ -7,13 +7,16 @@
 
 pub mod certificate;
 mod clip;
+pub mod coarser;
 pub mod compare;
 mod error;
 pub mod experiments;
 pub mod export;
 pub mod geometry;
+pub mod heat;
 pub mod load;
 mod mask;
+pub mod masked;
 pub mod pick;
 pub mod picture;
 pub mod resample;

@@ -72,6 +72,16 @@ impl Lattice {
     }
 }
 
+/// The lattice that [`warped`] uses for an object.
+///
+/// # Errors
+/// As [`resample`].
+pub fn lattice(object: &Object, fineness: Refinement) -> Result<Lattice, EvaluateError> {
+    let map = object.stack.prepared();
+    let grid = output_grid(&object.volume, &map, &ExportOptions::default())?;
+    Lattice::of(&map, &object.volume.grid, &grid, fineness)
+}
+
 /// A volume that went through a lattice.
 #[derive(Debug)]
 pub struct Resampled {

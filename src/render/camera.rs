@@ -16,7 +16,7 @@ pub struct Camera {
     pub target: DVec3,
     /// Degrees; 0 looks along +y (from the front for LPS data), positive turns the eye towards +x.
     pub yaw: f64,
-    /// Degrees, -89.9 to 89.9; positive raises the eye.
+    /// Degrees; positive raises the eye. Beyond 90 it looks from behind, with the world on its head.
     pub pitch: f64,
     /// Radius of the sphere that fills the picture's smaller side, in world units, before `zoom`.
     pub radius: f64,

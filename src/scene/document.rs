@@ -266,7 +266,7 @@ impl CutPlane {
 pub struct CameraSpec {
     /// Degrees, from the front of the volume.
     pub yaw: f64,
-    /// Degrees, positive from above.
+    /// Degrees, positive from above; beyond 90 the object stands on its head.
     pub pitch: f64,
     /// 1 shows everything visible.
     pub zoom: f64,
@@ -293,7 +293,7 @@ impl CameraSpec {
         Camera {
             target: center + self.offset,
             yaw: self.yaw + front,
-            pitch: self.pitch.clamp(-89.9, 89.9),
+            pitch: self.pitch,
             radius,
             zoom: self.zoom,
             projection: match self.fov_y {

@@ -3,8 +3,9 @@
 use eframe::egui::{self, RichText};
 
 use super::{row, title};
-use crate::app::modeller::{Layout, Modeller};
+use crate::app::modeller::Modeller;
 use crate::app::overlay::{mode_name, other_name};
+use crate::app::state::Layout;
 use crate::app::worker::Other;
 use crate::evaluate::picture::Mode;
 

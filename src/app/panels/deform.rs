@@ -25,7 +25,25 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
 }
 
 fn brush(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
-    title(ui, &format!("Brush: {}", m.hand.tool.name()));
+    title(ui, m.hand.tool.name());
+    if m.hand.tool.is_brush() {
+        ball(m, ui, unit, focus);
+    } else {
+        ui.add(egui::Label::new(RichText::new(m.hand.tool.hint()).color(theme::dim(ui))).wrap());
+    }
+    let Some(desk) = &m.desk else { return };
+    let mut folds = desk.history.document().allow_folds;
+    if ui
+        .checkbox(&mut folds, "Let strokes fold")
+        .on_hover_text("Otherwise a stroke is held back before it folds")
+        .changed()
+    {
+        m.edit(Edit::SetAllowFolds(folds));
+    }
+}
+
+/// The ball of a brush, and how it fades.
+fn ball(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
     row(ui, "Radius", |ui, id| {
         let range = 0.01 * focus..=1.5 * focus;
         ui.add(
@@ -55,18 +73,33 @@ fn brush(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
             .response
             .labelled_by(id);
     });
+    if m.hand.tool != Tool::Smooth {
+        mask(m, ui);
+    }
     if m.hand.tool == Tool::Grab {
         ui.checkbox(&mut m.hand.moves_shape, "The shape follows")
             .on_hover_text("A mesh that is not the box moves along");
     }
+}
+
+/// Only some values follow.
+fn mask(m: &mut Modeller, ui: &mut egui::Ui) {
     let Some(desk) = &m.desk else { return };
-    let mut folds = desk.history.document().allow_folds;
-    if ui
-        .checkbox(&mut folds, "Let strokes fold")
-        .on_hover_text("Otherwise a stroke is held back before it folds")
-        .changed()
-    {
-        m.edit(Edit::SetAllowFolds(folds));
+    let ([lo, hi], iso) = (desk.data.field.range, desk.data.iso);
+    let mut on = m.hand.mask.is_some();
+    let what = "Values outside this range stay where they are. The edge is soft, and a stroke is held back sooner: \
+                what follows cannot tear away from what stays.";
+    if ui.checkbox(&mut on, "Only values").on_hover_text(what).changed() {
+        m.hand.mask = on.then_some([iso, hi]);
+    }
+    if let Some([from, to]) = &mut m.hand.mask {
+        row(ui, "From, to", |ui, _| {
+            for (name, v) in [("Mask, from", from), ("Mask, to", to)] {
+                let drag = egui::DragValue::new(v).speed((hi - lo) / 400.0).range(lo..=hi).max_decimals(4);
+                let response = ui.add(drag).on_hover_text("Real values of the undeformed data");
+                response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::SpinButton, true, name));
+            }
+        });
     }
 }
 

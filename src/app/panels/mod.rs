@@ -7,6 +7,8 @@ mod look;
 mod object;
 mod transfer;
 
+use std::sync::Arc;
+
 use eframe::egui::{self, RichText};
 use egui_tiles::{Behavior, Container, SimplificationOptions, TabState, Tile, TileId, Tiles, Tree, UiResponse};
 use glam::DVec3;
@@ -14,6 +16,7 @@ use glam::DVec3;
 use super::modeller::Modeller;
 use super::tasks::{ExportMode, Exported};
 use super::theme;
+use crate::evaluate::heat::{HeatSurface, TetLayer};
 use crate::volume::sampling::Interpolation;
 
 /// What a pane shows.
@@ -62,6 +65,8 @@ pub struct PanelState {
     pub exported: Option<Box<Exported>>,
     /// Edges of one slice's triangles.
     pub tessellation: Option<Vec<[DVec3; 2]>>,
+    pub tets: Option<Arc<TetLayer>>,
+    pub heat: Option<Arc<HeatSurface>>,
 }
 
 impl Default for PanelState {
@@ -78,6 +83,8 @@ impl Default for PanelState {
             certificate: true,
             exported: None,
             tessellation: None,
+            tets: None,
+            heat: None,
         }
     }
 }

@@ -83,7 +83,8 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     if let Some(n) = triangles {
         row(ui, "Triangles", |ui, _| ui.label(n.to_string()));
     }
-    placement(m, ui, document.placement, unit);
+    let now = m.desk.as_ref().map_or(document.placement, |d| d.shown().placement);
+    placement(m, ui, now, unit);
     if let Some(edit) = edit {
         m.edit(edit);
     }
