@@ -186,8 +186,11 @@ impl Placer for Along<'_> {
         let (one, two) = (Ring::at(&c.values, at, [y, z]), Ring::at(&c.values, at.wrapping_add_signed(x), [y, z]));
         // the half whose ends are on different sides
         let first = (at_face(&one, &two, self.iso) >= 0.0) != inside;
-        let half =
-            if first { Half::new(&ring(-1), &one, &two, self.iso) } else { Half::new(&ring(2), &two, &one, self.iso) };
+        let half = if first {
+            Half::new(&Ring::at(&c.values, at.wrapping_add_signed(-x), [y, z]), &one, &two, self.iso)
+        } else {
+            Half::new(&Ring::at(&c.values, at.wrapping_add_signed(2 * x), [y, z]), &two, &one, self.iso)
+        };
         let u = cubic::crossing(&half.cubic, 0.0, 1.0, half.cubic[3]).max(2.0 * CLEAR);
         let (mut p, mut gradient) = (DVec3::from(edge.node.map(|v| v as f64)), DVec3::ZERO);
         p[edge.axis] += if first { 0.5 * u } else { 1.0 - 0.5 * u };
