@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn coarse_pictures_are_steady() {
         let size = (1000, 800);
-        let mut pace = Pace { slice: 0.05, ..Pace::default() };
+        let mut pace = Pace { pixel: 0.5, slice: 0.05, ..Pace::default() };
         let first = pace.coarse(size, 200.0, 33.0);
         assert_eq!(first, pace.scale(size, 200.0, 33.0));
         pace.pixel *= 1.2;
