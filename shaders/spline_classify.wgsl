@@ -100,7 +100,6 @@ var<workgroup> around: array<f32, 216>;
 var<workgroup> cubes: array<u32, 64>;
 var<workgroup> cube_count: atomic<u32>;
 var<workgroup> cube_masks: array<atomic<u32>, 64>;
-var<workgroup> tally: array<atomic<u32>, 24>;
 
 // where a cube lies in `around`, and the steps along the local axes of a kind
 struct Near {
@@ -146,9 +145,6 @@ fn tets_main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id
     }
     gather(block, thread);
     atomicStore(&cube_masks[thread], 0u);
-    if thread < KINDS {
-        atomicStore(&tally[thread], 0u);
-    }
     if thread == 0u {
         atomicStore(&cube_count, 0u);
     }
@@ -176,7 +172,6 @@ fn tets_main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id
         let own = cubes[i / KINDS];
         if has_zero(piece(near_of(own, kind))) {
             atomicOr(&cube_masks[own], 1u << kind);
-            atomicAdd(&tally[kind], 1u);
         }
     }
     workgroupBarrier();
@@ -184,7 +179,11 @@ fn tets_main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id
     if here {
         masks[slot * 64u + thread] = atomicLoad(&cube_masks[thread]);
         if thread < KINDS {
-            counts[thread * head.blocks + slot] = atomicLoad(&tally[thread]);
+            var count = 0u;
+            for (var i = 0u; i < 64u; i++) {
+                count += (atomicLoad(&cube_masks[i]) >> thread) & 1u;
+            }
+            counts[thread * head.blocks + slot] = count;
         }
     }
 }

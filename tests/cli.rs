@@ -348,11 +348,37 @@ fn surface_writes_each_format_and_render_its_picture() {
     let drawn =
         json(&dir, &["render", "p.voxclay", "--mode", "spline", "--iso", "0.5", "--size", "64x48", "-o", "p.png"]);
     assert!(drawn["fragments"].as_u64().unwrap() > 100);
+    let tinted = ["--curvature", "gaussian", "--caps", "volume", "--size", "64x48", "-o", "t.png"];
+    json(&dir, &[&["render", "p.voxclay", "--mode", "spline", "--iso", "0.5"][..], &tinted].concat());
+    assert_ne!(std::fs::read(dir.path().join("t.png")).unwrap(), std::fs::read(dir.path().join("p.png")).unwrap());
+    fails(&dir, &[&["render", "p.voxclay"][..], &tinted].concat(), &["--curvature", "--mode spline"]);
     fails(&dir, &["surface", "phantom:gaussian:24", "--iso", "9", "-o", "n.ply"], &["no surface at 9", "0"]);
     fails(&dir, &["surface", "phantom:gaussian:24", "-o", "n.nrrd"], &["n.nrrd", ".glb"]);
     fails(&dir, &["surface", "phantom:gaussian:24", "--refine", "0", "-o", "n.ply"], &["--refine"]);
     fails(&dir, &["render", "p.voxclay", "--mode", "spline", "--shading", "mip", "-o", "n.png"], &["iso"]);
     assert!(!exists(&dir, "n.ply") && left_over(&dir).is_empty());
+}
+
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn splines_are_measured_and_drawn_by_the_gpu() {
+    let dir = TempDir::new().unwrap();
+    let view = ["--mode", "spline", "--backend", "gpu", "--size", "64x48", "-o", "g.png"];
+    let drawn = json(&dir, &[&["render", "phantom:gaussian:24"][..], &view].concat());
+    assert_eq!(drawn["backend"], "gpu");
+    assert!(drawn["triangles"].as_u64().unwrap() > 1000);
+    let made = json(&dir, &["bench", "spline", "phantom:gaussian:24", "--size", "48x48", "--repeat", "1"]);
+    let volume = &made["volumes"][0];
+    has_keys(&volume["ms"], &["spline", "mesh"]);
+    let ways = volume["ways"].as_array().unwrap();
+    assert_eq!(ways.len(), 5);
+    for way in ways {
+        has_keys(way, &["way", "backend", "ms"]);
+        assert!(way["ms"]["frame"].as_f64().unwrap() > 0.0 && way["ms"]["change"].as_f64().unwrap() > 0.0);
+        let tets = way["way"].as_str().unwrap().starts_with("spline,");
+        assert_eq!(way["tets"].as_u64().is_some_and(|n| n > 1000), tets);
+        assert_eq!(way["tets_per_second"].is_number() && way["bytes"].is_number(), tets);
+    }
 }
 
 #[test]

@@ -10,10 +10,11 @@ use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
 use voxclay::evaluate::load::load;
 use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, SmoothLook, ViewOptions};
 use voxclay::gpu::{Coefficients, Gpu, GpuError, Preference, SplinePass, SplineView};
-use voxclay::render::{Camera, Look, Projection, Shading};
+use voxclay::render::{Camera, Field, Look, Projection, Shading};
 use voxclay::scene::{CameraSpec, Document, VolumeSource};
 use voxclay::spline::paint::{Curvature, Paint};
 use voxclay::spline::{Crossing, Kind, Level, Ray, Spline};
+use voxclay::volume::{Grid, Samples, Volume};
 
 fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
@@ -409,4 +410,34 @@ fn pictures_are_those_of_the_cpu() {
             assert!(expected.pixels.iter().any(|p| *p != expected.pixels[0]));
         }
     }
+}
+
+/// What no texture holds is drawn all the same, by the CPU, and that is said.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
+fn what_no_texture_holds_is_drawn_by_the_cpu() {
+    let document = Document::new(VolumeSource::Phantom { name: "gaussian".into(), size: 16 });
+    let mut object = load(&document, Path::new("")).unwrap();
+    let long = gpu().limits().max_texture_dimension_3d as usize;
+    let grid = Grid::aligned([long, 5, 5], DVec3::ONE, DVec3::ZERO).unwrap();
+    let middle = |i: usize| (i / long % 5 == 2 && i / long / 5 == 2) as u8 as f32;
+    let samples = Samples::F32((0..grid.len()).map(middle).collect());
+    object.volume = Arc::new(Volume::new(grid, 1, samples));
+    object.field = Field::from_volume(object.volume.clone());
+    object.focus = (DVec3::new(20.0, 2.0, 2.0), 10.0);
+    let camera = object.camera(&CameraSpec::default());
+    let options = ViewOptions {
+        size: (60, 50),
+        slices: None,
+        mode: Mode::Spline,
+        refinement: Refinement::Tolerance(0.1),
+        backend: Backend::Gpu,
+        transparent: true,
+        corrections: Some(0),
+    };
+    let look = Look { shading: Shading::Iso { value: 0.2, color: [0.8, 0.6, 0.4] }, ..Look::default() };
+    let (picture, report) = Renderer::new(Backend::Gpu).unwrap().picture(&object, &camera, &look, &options).unwrap();
+    assert_eq!(report.backend, "cpu");
+    assert!(report.warnings.len() == 1 && report.warnings[0].contains("drawn on the CPU"), "{:?}", report.warnings);
+    assert!(picture.pixels.iter().any(|p| p[3] == 255));
 }

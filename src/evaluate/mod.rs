@@ -2,7 +2,8 @@
 //!
 //! [`load::load`] brings a document's data into memory, [`geometry`] makes slices of it for a view, [`picture`] draws them,
 //! [`pick`] finds what a ray meets, [`section`] cuts through, [`resample`] exports the deformed volume, [`tets`] does both
-//! through a lattice of tetrahedra, [`surface`] makes smooth iso-surfaces. [`certificate`] says what
+//! through a lattice of tetrahedra, [`surface`] makes meshes of smooth iso-surfaces, and
+//! `smooth` pictures. [`certificate`] says what
 //! an export is worth, [`compare`] what each mode is.
 
 pub mod certificate;

@@ -8,7 +8,8 @@
 //!
 //! Departures from the paper: opacity is pre-integrated; an iso-surface is found by depth test, nearest slice first, so that
 //! hidden fragments are not shaded; triangles in which nothing can be seen are left out before they are drawn ([`cull`]);
-//! export computes samples instead of drawing them ([`ResamplePass`], [`WarpPass`]).
+//! export computes samples instead of drawing them ([`ResamplePass`], [`WarpPass`]); smooth iso-surfaces are drawn without slices
+//! ([`SplinePass`]).
 //!
 //! # Practice
 //!

@@ -20,7 +20,7 @@
 //! everything is evaluated in `f64`.
 //!
 //! [`Level`] is one isovalue: which cubes it may pass through, found by the signs of the samples alone, and where rays meet
-//! it. [`surface`] makes meshes of it; [`cells`] is the trilinear alternative.
+//! it. [`paint`] colours it by curvature. [`surface`] makes meshes of it; [`cells`] is the trilinear alternative.
 
 pub mod cells;
 mod correct;

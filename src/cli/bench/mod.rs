@@ -10,7 +10,9 @@ use super::Answer;
 
 /// Repeat the papers' experiments on this machine.
 #[derive(clap::Args)]
-#[command(after_help = "Example: voxclay bench warp --sizes 128,192,256 -o plots")]
+#[command(
+    after_help = "Example: voxclay bench warp --sizes 128,192,256 -o plots\n\nSurfaces: voxclay bench spline head.nii.gz --repeat 5"
+)]
 pub struct Args {
     #[command(subcommand)]
     what: What,

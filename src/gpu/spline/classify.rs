@@ -389,6 +389,6 @@ impl Lists {
     /// # Errors
     /// What the device reported.
     pub fn wanted(&self, gpu: &Gpu) -> Result<[u32; 2], GpuError> {
-        gpu.read(&self.readback, |bytes| bytemuck::pod_read_unaligned::<[u32; 2]>(bytes))
+        gpu.read(&self.readback, bytemuck::pod_read_unaligned)
     }
 }
