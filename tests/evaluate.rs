@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use voxclay::deform::{Action, Brush, Deformation, Deformer, DisplacementVolume, Falloff, Grab};
-use voxclay::evaluate::geometry::{GeometryOptions, Refinement, slices};
+use voxclay::evaluate::geometry::{GeometryOptions, Keeper, Refinement, slices};
 use voxclay::evaluate::load::{Object, load};
 use voxclay::math::BackwardMap;
 use voxclay::render::{Camera, Projection, SliceGeometry};
@@ -153,6 +153,55 @@ fn slices_run_back_to_front() {
 }
 
 /// An eye inside the volume sees only what lies before it.
+#[test]
+fn what_is_kept_from_stroke_to_stroke_is_what_would_be_made() {
+    let mut document = document(true);
+    let (center, radius) = load(&document, Path::new("")).unwrap().focus;
+    let ball = |at: DVec3, pull: f64| {
+        let grab = Grab::new(at, DVec3::new(0.1, pull, 0.0) * radius, 0.3 * radius, Falloff::default()).unwrap();
+        Deformation::new("ball", Deformer::Grab(grab))
+    };
+    let mut keeper = Keeper::default();
+    let mut kept = Vec::new();
+    let mut step = |document: &Document, refinement, yaw: f64| {
+        let object = load(document, Path::new("")).unwrap();
+        let spec = CameraSpec { yaw, pitch: 20.0, ..CameraSpec::default() };
+        let camera = object.camera(&spec);
+        let (got, _) = keeper.slices(&object, &camera, &options(refinement)).unwrap();
+        let want = slices(&object, &camera, &options(refinement)).unwrap();
+        assert!(got == want, "step {}", kept.len());
+        kept.push(keeper.kept());
+    };
+    let coarse = Refinement::Depth(2);
+    step(&document, coarse, 30.0);
+    // the same again
+    step(&document, coarse, 30.0);
+    // a small stroke deep inside, that moves no mesh; pulled on, and on
+    document.stack.items.push(Deformation { moves_shape: false, ..ball(center, 0.05) });
+    step(&document, coarse, 30.0);
+    document.stack.items[2] = Deformation { moves_shape: false, ..ball(center + 0.1 * radius, 0.1) };
+    step(&document, coarse, 30.0);
+    // an older one is moved, one is switched off, on again, the order changes, all go
+    document.stack.items[1] = ball(center - 0.5 * radius, 0.1);
+    step(&document, coarse, 30.0);
+    document.stack.items[2].enabled = false;
+    step(&document, coarse, 30.0);
+    document.stack.items[2].enabled = true;
+    step(&document, coarse, 30.0);
+    document.stack.items.swap(1, 2);
+    step(&document, coarse, 30.0);
+    document.stack.items.truncate(1);
+    step(&document, coarse, 30.0);
+    // another view, another refinement, and a cut
+    step(&document, coarse, 31.0);
+    step(&document, Refinement::Tolerance(0.5), 31.0);
+    step(&document, Refinement::Tolerance(0.5), 31.0);
+    document.clip.region = [[0.0, 0.6], [0.0, 1.0], [0.2, 1.0]];
+    step(&document, Refinement::Tolerance(0.5), 31.0);
+    assert_eq!((kept[0], kept[1], kept[9], kept[10], kept[11], kept[12]), (0, 30, 0, 0, 30, 30), "{kept:?}");
+    assert!((2..9).all(|i| kept[i] < 30) && kept[2] > 5 && kept[3] > 5, "{kept:?}");
+}
+
 #[test]
 fn planes_behind_the_eye_are_left_out() {
     let object = load(&document(false), Path::new("")).unwrap();

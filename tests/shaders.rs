@@ -4,7 +4,8 @@ use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use voxclay::gpu::layout::{
-    Affine4, Fixed4, MapUniform, ObjectUniform, ResampleUniform, StepRecord, WarpTet, WarpUniform,
+    Affine4, Fixed4, MapUniform, ObjectUniform, ResampleUniform, SplineHead, SplineLevelUniform, SplineViewUniform,
+    StepRecord, WarpTet, WarpUniform,
 };
 use voxclay::gpu::shader::{self, Texel, Variant};
 use voxclay::render::Frame;
@@ -40,6 +41,13 @@ fn the_other_passes_are_valid() {
     validate("warp claim", &shader::warp_claim());
     for texel in Texel::ALL {
         validate(&format!("warp sample {texel:?}"), &shader::warp_sample(texel));
+    }
+    validate("spline scan", shader::spline_scan());
+    validate("spline classify", &shader::spline_classify());
+    validate("spline cap", &shader::spline_cap());
+    for stored in [false, true] {
+        validate("spline emit", &shader::spline_emit(stored));
+        validate("spline draw", &shader::spline_draw(stored));
     }
 }
 
@@ -78,5 +86,15 @@ fn shared_structs_lie_as_in_rust() {
         same_layout!(source, "Affine4", Affine4: x, y, z, at);
         same_layout!(source, "Tet", WarpTet: bary, rest, inner, lo, weight, size, base);
         same_layout!(source, "Warp", WarpUniform: brick, chunk, input, first, end, range, outside);
+    }
+    for source in [shader::spline_classify(), shader::spline_emit(true)] {
+        same_layout!(source, "Level", SplineLevelUniform: dims, blocks, iso, room);
+        same_layout!(source, "Head", SplineHead:
+            over_blocks, blocks, over_chunks, numbers, wanted_blocks, wanted_tets, first, count, draws);
+    }
+    for source in [shader::spline_draw(false), shader::spline_cap()] {
+        same_layout!(source, "View", SplineViewUniform:
+            clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
+            eye_low, dims, iso, planes, normals, tint, positive, negative, window, caps);
     }
 }

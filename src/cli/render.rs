@@ -2,15 +2,16 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use serde_json::json;
 
 use super::Answer;
 use super::view::ViewArgs;
-use crate::evaluate::picture::{PictureReport, Refinement, Renderer};
+use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, SmoothLook};
 use crate::evaluate::{load, open};
 use crate::io;
 use crate::mesh::tet_map::MapReport;
+use crate::spline::paint::Curvature;
 
 /// Draw a project or a volume into a PNG file.
 ///
@@ -26,21 +27,61 @@ pub struct Args {
     file: String,
     #[command(flatten)]
     view: ViewArgs,
+    /// Of --mode spline: red where the surface bulges (gaussian: where it is a dome or a cup), blue where it is hollow (a
+    /// saddle).
+    #[arg(long, value_enum, value_name = "KIND")]
+    curvature: Option<CurvatureArg>,
+    /// Of --mode spline: what colours the flat caps where clipping cuts.
+    #[arg(long, value_enum, default_value = "surface", value_name = "WHAT")]
+    caps: CapsArg,
     /// The picture.
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum CurvatureArg {
+    Mean,
+    Gaussian,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum CapsArg {
+    /// The surface's own colour.
+    Surface,
+    /// The transfer function.
+    Volume,
+}
+
+impl Args {
+    fn smooth_look(&self, mode: Mode) -> Result<SmoothLook> {
+        let look = SmoothLook {
+            curvature: self.curvature.map(|kind| match kind {
+                CurvatureArg::Mean => Curvature::Mean,
+                CurvatureArg::Gaussian => Curvature::Gaussian,
+            }),
+            caps: self.caps == CapsArg::Volume,
+        };
+        if look != SmoothLook::default() && mode != Mode::Spline {
+            bail!("--curvature and --caps go with --mode spline only");
+        }
+        Ok(look)
+    }
+}
+
 pub fn run(args: &Args) -> Result<Answer> {
     let (mut document, base) = open(&args.file)?;
     let options = args.view.apply(&mut document)?;
+    let smooth_look = args.smooth_look(options.mode)?;
     let object = load::load(&document, &base)?;
     for warning in &object.warnings {
         eprintln!("voxclay: {warning}");
     }
     let look = document.look.look(object.iso);
     let camera = object.camera(&document.camera);
-    let (picture, report) = Renderer::new(options.backend)?.picture(&object, &camera, &look, &options)?;
+    let mut renderer = Renderer::new(options.backend)?;
+    renderer.set_smooth_look(smooth_look);
+    let (picture, report) = renderer.picture(&object, &camera, &look, &options)?;
     for warning in &report.warnings {
         eprintln!("voxclay: {warning}");
     }

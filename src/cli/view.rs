@@ -35,7 +35,7 @@ enum ModeArg {
     SlicingExact,
     /// The volume warped through a lattice of tetrahedra, then drawn.
     Tets,
-    /// The smooth iso-surface of a C1 spline, by ray casting on the CPU.
+    /// The smooth iso-surface of a C1 spline.
     Spline,
 }
 
@@ -134,9 +134,6 @@ impl ViewArgs {
         let refinement = self.subdivision.map_or(Refinement::Tolerance(tolerance), Refinement::Depth);
         let view = self.look.apply(document)?;
         if mode == Mode::Spline {
-            if view.backend == Backend::Gpu {
-                bail!("--mode spline is drawn on the CPU only; leave out --backend gpu");
-            }
             match document.look.shading {
                 ShadingSpec::Iso { .. } => {}
                 _ if self.look.shading.is_some() => {
@@ -145,15 +142,7 @@ impl ViewArgs {
                 _ => document.look.shading = ShadingSpec::Iso { value: None },
             }
         }
-        let backend = if mode == Mode::Spline { Backend::Cpu } else { view.backend };
-        Ok(ViewOptions {
-            mode,
-            refinement,
-            backend,
-            transparent: self.transparent,
-            corrections: self.corrections,
-            ..view
-        })
+        Ok(ViewOptions { mode, refinement, transparent: self.transparent, corrections: self.corrections, ..view })
     }
 }
 
@@ -230,7 +219,7 @@ pub fn parse_proxy(word: &str) -> Result<ProxySource> {
     })
 }
 
-fn parse_size(word: &str) -> Result<(u32, u32), String> {
+pub(super) fn parse_size(word: &str) -> Result<(u32, u32), String> {
     let wrong = || format!("'{word}' is not a size; expected WIDTHxHEIGHT such as 768x768, each 1 to 16384");
     let (w, h) = word.split_once(['x', 'X']).ok_or_else(wrong)?;
     let side = |s: &str| s.parse::<u32>().ok().filter(|n| (1..=16384).contains(n));

@@ -1,6 +1,8 @@
 //! The experiments of Gascon et al. (2013), section 5.1: a cube of voxels in a regular tetrahedral lattice, turned by 45
 //! degrees about two axes, warped at several resolutions (their figure 5) and with lattices of several sizes (figure 6).
 
+pub mod spline;
+
 use std::time::Instant;
 
 use glam::{DAffine3, DQuat, DVec3};

@@ -21,6 +21,7 @@ pub mod pick;
 pub mod picture;
 pub mod resample;
 pub mod section;
+mod smooth;
 pub mod surface;
 pub mod tets;
 

@@ -7,12 +7,13 @@ use std::time::Instant;
 use super::EvaluateError;
 use super::geometry::{self, GeometryOptions};
 use super::load::Object;
-use super::{surface, tets};
+use super::{smooth, tets};
 use crate::gpu::{self, Gpu, Preference};
 use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
 
 pub use super::geometry::Refinement;
+pub use super::smooth::SmoothLook;
 
 /// Which renderer does the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -35,7 +36,7 @@ pub enum Mode {
     /// The volume warped through a lattice of tetrahedra first, then drawn as one that is not deformed. The refinement is
     /// the lattice's.
     Tets,
-    /// The smooth iso-surface of a C1 spline, by ray casting on the CPU.
+    /// The smooth iso-surface of a C1 spline: by rays on the CPU, by tetrahedra on the GPU.
     Spline,
 }
 
@@ -112,14 +113,19 @@ pub(super) fn geometry_options(options: &ViewOptions) -> GeometryOptions {
 pub struct Renderer {
     gpu: Option<gpu::Renderer>,
     /// Of [`Mode::Spline`].
-    smooth: Option<surface::Smooth>,
+    smooth: smooth::Kept,
+    slices: geometry::Keeper,
 }
 
 impl Renderer {
     /// # Errors
     /// If the GPU is asked for and none can be opened.
     pub fn new(backend: Backend) -> Result<Self, EvaluateError> {
-        Ok(Self { gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?, smooth: None })
+        Ok(Self {
+            gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?,
+            smooth: smooth::Kept::default(),
+            slices: geometry::Keeper::default(),
+        })
     }
 
     /// Draws an object.
@@ -135,6 +141,11 @@ impl Renderer {
     ) -> Result<(Picture, PictureReport), EvaluateError> {
         // nothing stops it, so there is a picture
         self.picture_until(object, camera, look, options, &|| false)?.ok_or(EvaluateError::View)
+    }
+
+    /// What the pictures of [`Mode::Spline`] show beside the shape from now on.
+    pub fn set_smooth_look(&mut self, look: SmoothLook) {
+        self.smooth.look = look;
     }
 
     /// What draws.
@@ -159,7 +170,8 @@ impl Renderer {
     ) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
         let started = Instant::now();
         if options.mode == Mode::Spline {
-            return surface::picture(&mut self.smooth, object, camera, look, options, stop);
+            let gpu = self.gpu.as_ref().map(gpu::Renderer::gpu);
+            return smooth::picture(&mut self.smooth, gpu, object, camera, look, options, stop);
         }
         if options.mode == Mode::Tets {
             let warped = tets::warped(object, options.refinement)?;
@@ -172,7 +184,7 @@ impl Renderer {
             let ms_total = started.elapsed().as_secs_f64() * 1e3;
             return Ok(Some((picture, PictureReport { tets, ms_total, ..report })));
         }
-        let (geometry, warnings) = geometry::slices_with_warnings(object, camera, &geometry_options(options))?;
+        let (geometry, warnings) = self.slices.slices(object, camera, &geometry_options(options))?;
         let geometry = Arc::new(geometry);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         if stop() {

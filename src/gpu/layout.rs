@@ -116,6 +116,72 @@ pub struct WarpUniform {
     pub outside: [u32; 4],
 }
 
+/// `Level` of `shaders/spline_classify.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct SplineLevelUniform {
+    /// Samples along i, j, k; the fourth is unused.
+    pub dims: [u32; 4],
+    /// Blocks along i, j, k, and all.
+    pub blocks: [u32; 4],
+    /// The isovalue, upper and lower bits; the rest is unused.
+    pub iso: [f32; 4],
+    /// Blocks and tetrahedra that there is room for; workgroups along x; the rest is unused.
+    pub room: [u32; 4],
+}
+
+/// `Head` of `shaders/spline_classify.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
+pub struct SplineHead {
+    pub over_blocks: [u32; 3],
+    pub blocks: u32,
+    pub over_chunks: [u32; 3],
+    pub numbers: u32,
+    pub wanted_blocks: u32,
+    pub wanted_tets: u32,
+    pub first: [u32; 24],
+    pub count: [u32; 24],
+    /// Arguments of indexed indirect draws.
+    pub draws: [[u32; 5]; 24],
+}
+
+/// Planes that a spline's picture may be cut by.
+pub const SPLINE_PLANES: usize = 12;
+/// Entries of its table of colours.
+pub const SPLINE_COLORS: usize = crate::spline::paint::Colors::ENTRIES;
+
+/// `View` of `shaders/spline_view.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct SplineViewUniform {
+    pub clip_from_voxel: [[f32; 4]; 4],
+    /// Columns, each padded.
+    pub world_from_voxel: [[f32; 4]; 3],
+    pub covariant: [[f32; 4]; 3],
+    pub origin: [f32; 4],
+    pub origin_low: [f32; 4],
+    pub across: [f32; 4],
+    pub across_low: [f32; 4],
+    pub down: [f32; 4],
+    pub down_low: [f32; 4],
+    pub eye: [f32; 4],
+    pub eye_low: [f32; 4],
+    /// Samples along i, j, k; planes.
+    pub dims: [u32; 4],
+    /// The isovalue, upper and lower bits; scale of depths; voxels that a pixel covers where w is 1.
+    pub iso: [f32; 4],
+    pub planes: [[f32; 4]; SPLINE_PLANES],
+    pub normals: [[f32; 4]; SPLINE_PLANES],
+    /// 1 for mean and 2 for Gaussian curvature; strength; 1 if caps have colours of their own; the fourth is unused.
+    pub tint: [f32; 4],
+    pub positive: [f32; 4],
+    pub negative: [f32; 4],
+    /// Place in the table from a value less the isovalue: factor and summand; the rest is unused.
+    pub window: [f32; 4],
+    pub caps: [[f32; 4]; SPLINE_COLORS],
+}
+
 /// Bytes from one row to the next when a texture is copied to a buffer.
 pub fn padded_row(width: u32, texel_bytes: u32) -> u32 {
     (width * texel_bytes).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)

@@ -337,14 +337,7 @@ impl Renderer {
         if self.targets.as_ref().is_some_and(|(_, p)| (p.width(), p.height()) == (width, height)) {
             return Ok(());
         }
-        let limit = self.gpu.limits().max_texture_dimension_2d;
-        if width == 0 || height == 0 || width.max(height) > limit {
-            return Err(GpuError::TooLarge {
-                what: "a picture",
-                size: format!("{width}x{height} pixels"),
-                limit: format!("{limit} pixels along each side (and at least 1)"),
-            });
-        }
+        check_size(&self.gpu, width, height)?;
         self.targets = None;
         let slices = SliceTarget::new(&self.gpu, width, height)?;
         let pixels = self.resolve.target(&self.gpu, &slices, width, height)?;
@@ -363,6 +356,19 @@ impl Object {
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
+}
+
+/// Whether a picture of this size can be drawn.
+pub(super) fn check_size(gpu: &Gpu, width: u32, height: u32) -> Result<(), GpuError> {
+    let limit = gpu.limits().max_texture_dimension_2d;
+    if width == 0 || height == 0 || width.max(height) > limit {
+        return Err(GpuError::TooLarge {
+            what: "a picture",
+            size: format!("{width}x{height} pixels"),
+            limit: format!("{limit} pixels along each side (and at least 1)"),
+        });
+    }
+    Ok(())
 }
 
 fn map_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, map: &MapBuffers) -> wgpu::BindGroup {

@@ -17,6 +17,14 @@ const RESAMPLE: &str = include_str!("../../shaders/resample.wgsl");
 const WARP: &str = include_str!("../../shaders/warp.wgsl");
 const WARP_CLAIM: &str = include_str!("../../shaders/warp_claim.wgsl");
 const WARP_SAMPLE: &str = include_str!("../../shaders/warp_sample.wgsl");
+const SPLINE: &str = include_str!("../../shaders/spline.wgsl");
+const SPLINE_SCAN: &str = include_str!("../../shaders/spline_scan.wgsl");
+const SPLINE_CLASSIFY: &str = include_str!("../../shaders/spline_classify.wgsl");
+const SPLINE_EMIT: &str = include_str!("../../shaders/spline_emit.wgsl");
+const SPLINE_VIEW: &str = include_str!("../../shaders/spline_view.wgsl");
+const SPLINE_TEXELS: &str = include_str!("../../shaders/spline_texels.wgsl");
+const SPLINE_DRAW: &str = include_str!("../../shaders/spline_draw.wgsl");
+const SPLINE_CAP: &str = include_str!("../../shaders/spline_cap.wgsl");
 const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
 const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
 
@@ -129,4 +137,29 @@ pub fn warp_sample(texel: Texel) -> String {
     // with 44 bits behind the point
     let snap = (SNAP * (1u64 << 44) as f64).round();
     format!("alias Texel = {scalar};\nconst SNAP = {snap}u;\n{WARP}{WARP_SAMPLE}")
+}
+
+/// The shader of prefix sums.
+pub fn spline_scan() -> &'static str {
+    SPLINE_SCAN
+}
+
+/// The shader that finds the tetrahedra of an isovalue.
+pub fn spline_classify() -> String {
+    [SPLINE, SPLINE_CLASSIFY].concat()
+}
+
+/// The shader that lists them; `stored`: with their coefficients.
+pub fn spline_emit(stored: bool) -> String {
+    format!("const STORED: bool = {stored};\n{SPLINE}{SPLINE_CLASSIFY}{SPLINE_EMIT}")
+}
+
+/// The shader that draws them; `stored`: with the coefficients that were listed.
+pub fn spline_draw(stored: bool) -> String {
+    format!("const STORED: bool = {stored};\n{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DRAW}")
+}
+
+/// The shader that draws caps.
+pub fn spline_cap() -> String {
+    [COMMON, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
 }

@@ -15,7 +15,7 @@ use crate::render::{SliceGeometry, SliceVertex};
 
 /// The accumulated picture: linear light, premultiplied. 16-bit floats hold the sum of many faint slices without banding.
 pub const ACCUMULATED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// Slice geometry on the device. The buffers grow and are used again.
 #[derive(Debug)]
@@ -96,13 +96,22 @@ pub(super) fn fill(gpu: &Gpu, what: &'static str, old: &mut wgpu::Buffer, data: 
 #[derive(Debug)]
 pub struct SliceTarget {
     pub(crate) color: wgpu::TextureView,
-    depth: wgpu::TextureView,
+    pub(super) depth: wgpu::TextureView,
 }
 
 impl SliceTarget {
     /// # Errors
     /// [`GpuError::OutOfMemory`].
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self, GpuError> {
+        Self::of(gpu, width, height, ACCUMULATED)
+    }
+
+    /// The same with another format of colours.
+    ///
+    /// # Errors
+    /// As [`SliceTarget::new`].
+    pub fn of(gpu: &Gpu, width: u32, height: u32, format: wgpu::TextureFormat) -> Result<Self, GpuError> {
+        let texel = format.block_copy_size(None).unwrap_or(16) + 4;
         let texture = |label, format, usage| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
@@ -115,8 +124,9 @@ impl SliceTarget {
                 view_formats: &[],
             })
         };
-        gpu.allocate("a picture", u64::from(width) * u64::from(height) * 12, || {
-            let color = texture("accumulated", ACCUMULATED, wgpu::TextureUsages::TEXTURE_BINDING);
+        gpu.allocate("a picture", u64::from(width) * u64::from(height) * u64::from(texel), || {
+            let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+            let color = texture("accumulated", format, usage);
             let depth = texture("depth", DEPTH, wgpu::TextureUsages::empty());
             Self {
                 color: color.create_view(&wgpu::TextureViewDescriptor::default()),

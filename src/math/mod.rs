@@ -1,8 +1,10 @@
-//! L0: spaces, oriented boxes, B-splines and turns. Everything is `f64`, but for the blocks of hot loops ([`Block`]), which may be `f32`.
+//! L0: spaces, oriented boxes, B-splines and turns. Everything is `f64`, but for the blocks ([`Block`]) and vectors ([`lanes`]) of
+//! hot loops, which may be `f32`.
 
 mod backward;
 mod block;
 pub mod bspline;
+pub mod lanes;
 mod oriented_box;
 pub mod parallel;
 mod plane;

@@ -112,7 +112,7 @@ pub trait Placer: Sync {
 
 /// Where the vertices of each word of each row begin.
 struct Numbers {
-    /// For each axis.
+    /// For each axis, counted from the first of the layer.
     starts: [Vec<u32>; 3],
     /// First of each layer, and the end.
     layers: Vec<usize>,
@@ -127,9 +127,8 @@ impl Numbers {
         let [x, y, z] = &mut starts;
         let pieces: Vec<_> =
             x.chunks_mut(size).zip(y.chunks_mut(size)).zip(z.chunks_mut(size)).map(Mutex::new).collect();
-        let lock = |k: usize| pieces[k].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let counts = parallel::map(nz + 2, &|k| {
-            let mut guard = lock(k);
+            let mut guard = pieces[k].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let ((x, y), z) = &mut *guard;
             let mut n = 0u32;
             for j in 0..ny + 2 {
@@ -148,13 +147,6 @@ impl Numbers {
             sum += n as usize;
             layers.push(sum);
         }
-        parallel::each(nz + 2, &|k| {
-            let mut guard = lock(k);
-            let ((x, y), z) = &mut *guard;
-            for starts in [&mut **x, &mut **y, &mut **z] {
-                starts.iter_mut().for_each(|s| *s += layers[k] as u32);
-            }
-        });
         drop(pieces);
         Self { starts, layers }
     }
@@ -163,7 +155,7 @@ impl Numbers {
     fn id(&self, sides: &Sides, axis: usize, [i, j, k]: [usize; 3]) -> u32 {
         let word = (k * (sides.dims[1] + 2) + j) * sides.words + i / 64;
         let before = sides.crossings(axis, j, k, i / 64) & ((1 << (i % 64)) - 1);
-        self.starts[axis][word] + before.count_ones()
+        self.layers[k] as u32 + self.starts[axis][word] + before.count_ones()
     }
 }
 
@@ -181,7 +173,10 @@ pub fn contour(sides: &Sides, placer: &dyn Placer) -> Contour {
     let mut normals: Vec<Vec3> = bytemuck::allocation::cast_vec(vec![[0.0f32; 3]; total]);
     let pieces = split(&mut positions, &numbers.layers).into_iter().zip(split(&mut normals, &numbers.layers));
     let pieces: Vec<_> = pieces.map(Mutex::new).collect();
-    parallel::each(nz + 2, &|k| {
+    let table = Table::get();
+    let mirrors = placer.mirrors();
+    // the vertices of a layer of nodes, and the triangles of the cells above it
+    let layers = parallel::map(nz + 2, &|k| {
         let mut guard = pieces[k].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let (positions, normals) = &mut *guard;
         let mut n = 0;
@@ -198,18 +193,17 @@ pub fn contour(sides: &Sides, placer: &dyn Placer) -> Contour {
                 }
             }
         }
+        drop(guard);
+        if k <= nz { Layer::of(sides, &numbers, table, placer, k, mirrors) } else { Layer::default() }
     });
     drop(pieces);
-    let table = Table::get();
-    let mirrors = placer.mirrors();
-    let layers = parallel::map(nz + 1, &|k| Layer::of(sides, &numbers, table, placer, k, mirrors));
     let mut triangles = vec![[0; 3]; layers.iter().map(|l| l.triangles.len()).sum()];
     let mut ends = vec![0];
     layers.iter().for_each(|l| ends.push(ends[ends.len() - 1] + l.triangles.len()));
     let mut own = vec![total as u32];
     layers.iter().for_each(|l| own.push(own[own.len() - 1] + l.fans.len() as u32));
     let pieces: Vec<_> = split(&mut triangles, &ends).into_iter().map(Mutex::new).collect();
-    parallel::each(nz + 1, &|k| {
+    parallel::each(nz + 2, &|k| {
         let mut out = pieces[k].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         out.copy_from_slice(&layers[k].triangles);
         // vertices of cells come behind all others
@@ -262,6 +256,7 @@ fn place(sides: &Sides, placer: &dyn Placer, node: [usize; 3], axis: usize) -> (
 const FIRST_OWN: u32 = u32::MAX - (1 << 24);
 
 /// The triangles of a layer of cells.
+#[derive(Default)]
 struct Layer {
     triangles: Vec<[u32; 3]>,
     /// The triangles that have a vertex of their cell's own.

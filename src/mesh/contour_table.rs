@@ -32,11 +32,11 @@ pub(super) struct Case {
     pub fans: Vec<Vec<u8>>,
 }
 
-/// All configurations.
+/// All configurations, each worked out when it is first met: a surface has few of them.
 pub(super) struct Table {
     /// By the corners that are inside, then the faces on which the inside corners are joined (`<< 8`).
     index: Vec<u16>,
-    cases: Vec<Case>,
+    cases: Vec<OnceLock<Case>>,
     /// The faces whose corners alternate, by the corners that are inside.
     pub doubtful: [u8; 256],
 }
@@ -49,7 +49,7 @@ impl Table {
 
     #[inline(always)]
     pub fn case(&self, inside: usize, joined: usize) -> &Case {
-        &self.cases[usize::from(self.index[inside | joined << 8])]
+        self.cases[usize::from(self.index[inside | joined << 8])].get_or_init(|| case(inside, joined))
     }
 
     fn build() -> Self {
@@ -60,7 +60,7 @@ impl Table {
             for joined in 0..64 {
                 if joined & !usize::from(doubtful) == 0 {
                     table.index[inside | joined << 8] = table.cases.len() as u16;
-                    table.cases.push(case(inside, joined));
+                    table.cases.push(OnceLock::new());
                 }
             }
         }

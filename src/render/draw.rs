@@ -8,6 +8,7 @@ use super::shade::FINISHED;
 use super::skip::Skip;
 use super::tile::{HEIGHT, Scene, Tile, WIDTH};
 use super::{ClassTable, Exact, Field, Frame, Picture, SliceGeometry, TexelSlice};
+use crate::math::lanes::Best;
 use crate::volume::transfer::linear_from_srgb;
 
 /// Whether the work is no longer wanted; asked now and then, from any thread.
@@ -63,10 +64,11 @@ fn draw<T: Texel, const C: usize>(
     let bins = Bins::new(geometry, &corners, frame, [WIDTH, HEIGHT]);
     let clip = DMat4::from_cols_array_2d(&frame.clip_from_local.map(|c| c.map(f64::from)));
     let h = frame.light[3];
+    let texels = Sampler::<T, C>::memory(field, texels);
     let scene = Scene {
         geometry,
         corners: &corners,
-        sampler: Sampler::<T, C>::new(field, texels, frame),
+        sampler: Sampler::<T, C>::new(field, &texels, frame),
         table,
         skip: Skip::new(field, table, frame),
         frame,
@@ -74,7 +76,7 @@ fn draw<T: Texel, const C: usize>(
         back: mode == Frame::ISO || (mode == Frame::VOLUME && table.preintegrated),
         per_voxel: [0, 1, 2].map(|a: usize| 0.5 * frame.dims[a] * h),
         local_from_clip: clip.inverse(),
-        arch: pulp::Arch::new(),
+        best: Best::new(),
     };
     let across = (width as usize).div_ceil(WIDTH);
     let down = (height as usize).div_ceil(HEIGHT);

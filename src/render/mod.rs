@@ -80,7 +80,7 @@ pub struct SliceVertex {
 }
 
 /// View-aligned slices as triangles, ready to be drawn.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct SliceGeometry {
     /// World point that vertex positions are relative to.
     pub center: glam::DVec3,

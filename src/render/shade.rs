@@ -1,14 +1,10 @@
 //! Shading of a group of fragments, as the contract in the module's page says.
 
-// lanes of several arrays run side by side: an index says it best, and is what vectorises
-#![allow(clippy::needless_range_loop)]
-
-use glam::{Mat4, Vec4};
-
-use super::sampler::{LANES, Lanes, MAGIC, Texel, integer};
+use super::sampler::Texel;
 use super::table::INVISIBLE;
-use super::tile::{Scene, Tile, lanes};
+use super::tile::{Scene, Tile, WIDTH};
 use super::{ClassTable, Frame, TABLE_SIZE};
+use crate::math::lanes::{ALL, F8, I8, LANES, Machine};
 use crate::volume::transfer::linear_from_srgb;
 
 /// A pixel that lets through less than this is finished; [`super::draw`] then takes what lies behind to look like what is in
@@ -27,305 +23,298 @@ const FLAT: f32 = 1e-5;
 /// How far outside the texture a fragment may lie, for the rounding of interpolation.
 const SLACK: f32 = 1e-5;
 
-/// The mask of all lanes.
-const ALL: u32 = (1 << LANES) - 1;
+/// Groups of a tile's row.
+const GROUPS: usize = WIDTH / LANES;
 
 impl Tile {
-    /// Shades the fragments of `mask` at pixels `at..at + LANES`; returns those that became opaque.
+    /// Shades the fragments of `pending` in a row of pixels; returns those that became opaque.
+    ///
+    /// First all values are looked up, then all are shaded: look-ups wait for memory, and those of several groups wait together.
     #[inline(always)]
-    pub fn group<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>, at: usize, mask: u32) -> u32 {
-        let front: [Lanes; 3] = std::array::from_fn(|a| lanes(&self.front[a], at));
-        let mask = mask & inside(&front);
-        if mask == 0 {
-            return 0;
+    pub fn row<M: Machine, T: Texel, const C: usize>(
+        &mut self,
+        m: M,
+        scene: &Scene<'_, T, C>,
+        row: usize,
+        pending: u32,
+    ) -> u32 {
+        let mut masks = [0; GROUPS];
+        let mut values = [[F8::splat(m, 0.0); 2]; GROUPS];
+        for g in 0..GROUPS {
+            let at = row * WIDTH + g * LANES;
+            let mask = pending >> (g * LANES) & ALL;
+            if mask == 0 {
+                continue;
+            }
+            let front = self.front_at(m, at);
+            masks[g] = if self.within { mask } else { mask & inside(&front) };
+            values[g] = self.values(m, scene, at, mask, &front);
         }
-        match scene.frame.size[2] {
-            Frame::ISO => self.iso(scene, at, mask, &front),
-            Frame::MIP => self.mip(scene, at, mask, &front),
-            _ => self.volume(scene, at, mask, &front),
+        let mut opaque = 0;
+        for g in 0..GROUPS {
+            if masks[g] == 0 {
+                continue;
+            }
+            let (at, mask, value) = (row * WIDTH + g * LANES, masks[g], values[g]);
+            let done = match scene.frame.size[2] {
+                Frame::ISO => self.iso(m, scene, at, mask, value),
+                Frame::MIP => self.mip(m, at, mask, value[0]),
+                _ => self.volume(m, scene, at, mask, value),
+            };
+            opaque |= done << (g * LANES);
         }
+        opaque
+    }
+
+    #[inline(always)]
+    fn front_at<M: Machine>(&self, m: M, at: usize) -> [F8<M>; 3] {
+        [F8::at(m, &self.front[0], at), F8::at(m, &self.front[1], at), F8::at(m, &self.front[2], at)]
     }
 
     /// The values in front and, if needed, behind, which are kept for the next slice.
     #[inline(always)]
-    fn values<T: Texel, const C: usize>(
+    fn values<M: Machine, T: Texel, const C: usize>(
         &mut self,
+        m: M,
         scene: &Scene<'_, T, C>,
         at: usize,
         mask: u32,
-        front: &[Lanes; 3],
-    ) -> [Lanes; 2] {
+        front: &[F8<M>; 3],
+    ) -> [F8<M>; 2] {
         if !scene.back {
-            return [scene.sampler.values(front); 2];
+            return [scene.sampler.values(m, front); 2];
         }
         let mut near = mask;
-        for a in 0..3 {
-            let tolerance = SAME / scene.frame.dims[a];
-            let seen = lanes(&self.seen_at[a], at);
-            near &= below(&std::array::from_fn(|l| (front[a][l] - seen[l]).abs()), &[tolerance; LANES]);
+        for (a, front) in front.iter().enumerate() {
+            let seen = F8::at(m, &self.seen_at[a], at);
+            near &= (*front - seen).abs().below(SAME / scene.frame.dims[a]);
         }
-        let value = if near == mask { lanes(&self.seen, at) } else { scene.sampler.values(front) };
-        let back: [Lanes; 3] = std::array::from_fn(|a| lanes(&self.back[a], at));
-        let behind = scene.sampler.values(&back);
-        for l in 0..LANES {
-            for a in 0..3 {
-                self.seen_at[a][at + l] = back[a][l];
-            }
-            self.seen[at + l] = behind[l];
+        let value = if near == mask { F8::at(m, &self.seen, at) } else { scene.sampler.values(m, front) };
+        let back = [F8::at(m, &self.back[0], at), F8::at(m, &self.back[1], at), F8::at(m, &self.back[2], at)];
+        let behind = scene.sampler.values(m, &back);
+        for (seen, back) in self.seen_at.iter_mut().zip(&back) {
+            back.put(seen, at);
         }
+        behind.put(&mut self.seen, at);
         [value, behind]
     }
 
     #[inline(always)]
-    fn volume<T: Texel, const C: usize>(
+    fn volume<M: Machine, T: Texel, const C: usize>(
         &mut self,
+        m: M,
         scene: &Scene<'_, T, C>,
         at: usize,
         mask: u32,
-        front: &[Lanes; 3],
+        [value, behind]: [F8<M>; 2],
     ) -> u32 {
-        let [value, behind] = self.values(scene, at, mask, front);
-        let mut rgba = if scene.back { across(scene.table, &value, &behind) } else { along_front(scene.table, &value) };
-        let mut sum: [Lanes; 4] = std::array::from_fn(|c| lanes(&self.sum[c], at));
-        let mut through: Lanes = std::array::from_fn(|l| 1.0 - sum[3][l]);
-        let drawn = mask & below(&[INVISIBLE; LANES], &rgba[3]);
+        let one = F8::splat(m, 1.0);
+        let [mut r, mut g, mut b, mut a] =
+            if scene.back { across(scene.table, value, behind) } else { along_front(scene.table, value) };
+        let drawn = mask & a.above(INVISIBLE);
         if drawn == 0 {
             return 0;
         }
+        let sum_a = F8::at(m, &self.sum[3], at);
+        let through = one - sum_a;
         if C == 4 {
+            let front = self.front_at(m, at);
+            let points = [front[0].lanes(), front[1].lanes(), front[2].lanes()];
+            let mut color = [[0.0; LANES]; 3];
             for l in (0..LANES).filter(|l| drawn >> l & 1 == 1) {
-                let color = scene.sampler.color([front[0][l], front[1][l], front[2][l]]).map(linear_from_srgb);
-                (0..3).for_each(|c| rgba[c][l] = color[c] * rgba[3][l]);
+                let c = scene.sampler.color(points.map(|p| p[l])).map(linear_from_srgb);
+                (0..3).for_each(|i| color[i][l] = c[i]);
             }
+            let [cr, cg, cb] = color;
+            (r, g, b) = (F8::load(m, cr) * a, F8::load(m, cg) * a, F8::load(m, cb) * a);
         }
-        let mut gain = [1.0; LANES];
+        let mut gain = one;
         if scene.frame.eye[3] != 0.0 {
-            let stretch = lanes(&self.stretch, at);
-            gain = longer(&rgba[3], &stretch);
-            for l in 0..LANES {
-                rgba[3][l] *= gain[l];
-            }
+            gain = longer(a, F8::at(m, &self.stretch, at));
+            a = a * gain;
         }
-        let mut shine = [0.0; LANES];
+        let mut shine = F8::splat(m, 0.0);
         if scene.frame.has(Frame::LIT) {
-            let lit = drawn & below(&[UNLIT; LANES], &through);
+            let lit = drawn & through.above(UNLIT);
             if lit != 0 {
-                let light = self.light(scene, at, lit, front, &value, false);
-                for l in 0..LANES {
-                    let on = lit >> l & 1 == 1;
-                    gain[l] *= if on { light[0][l] } else { 1.0 };
-                    shine[l] = if on { light[1][l] * rgba[3][l] } else { 0.0 };
-                }
+                let light = self.light(m, scene, at, lit, &self.front_at(m, at), value, false);
+                gain = gain * light[0].or(lit, one);
+                shine = (light[1] * a).or(lit, shine);
             }
         }
-        if drawn != ALL {
-            for l in 0..LANES {
-                through[l] = if drawn >> l & 1 == 1 { through[l] } else { 0.0 };
-            }
+        let through = through.or(drawn, 0.0);
+        for (plane, c) in self.sum.iter_mut().zip([r, g, b]) {
+            through.times_plus(c.times_plus(gain, shine), F8::at(m, plane, at)).put(plane, at);
         }
-        for c in 0..3 {
-            for l in 0..LANES {
-                sum[c][l] += through[l] * (rgba[c][l] * gain[l] + shine[l]);
-            }
-        }
-        for l in 0..LANES {
-            sum[3][l] += through[l] * rgba[3][l];
-        }
-        for (plane, sum) in self.sum.iter_mut().zip(&sum) {
-            plane[at..at + LANES].copy_from_slice(sum);
-        }
-        drawn & below(&[1.0 - FINISHED; LANES], &sum[3])
+        let sum_a = through.times_plus(a, sum_a);
+        sum_a.put(&mut self.sum[3], at);
+        drawn & sum_a.above(1.0 - FINISHED)
     }
 
     #[inline(always)]
-    fn iso<T: Texel, const C: usize>(
+    fn iso<M: Machine, T: Texel, const C: usize>(
         &mut self,
+        m: M,
         scene: &Scene<'_, T, C>,
         at: usize,
         mask: u32,
-        front: &[Lanes; 3],
+        [value, behind]: [F8<M>; 2],
     ) -> u32 {
-        let [value, behind] = self.values(scene, at, mask, front);
-        let iso = scene.frame.window[2];
-        let mut hit = 0;
-        let mut point = *front;
-        for l in 0..LANES {
-            if value[l].max(behind[l]) < iso || mask >> l & 1 == 0 {
-                continue;
-            }
-            hit |= 1 << l;
-            if value[l] < iso {
-                let t = (iso - value[l]) / (behind[l] - value[l]);
-                for a in 0..3 {
-                    point[a][l] += t * (self.back[a][at + l] - front[a][l]);
-                }
-            }
-        }
+        let iso = F8::splat(m, scene.frame.window[2]);
+        let hit = mask & !(value.max(behind).below(iso));
         if hit == 0 {
             return 0;
         }
-        let mut light = [[1.0; LANES], [0.0; LANES]];
+        let outside = value.below(iso);
+        let t = ((iso - value) / (behind - value)).or(outside, 0.0);
+        let mut point = self.front_at(m, at);
+        for (p, back) in point.iter_mut().zip(&self.back) {
+            *p = p.towards(F8::at(m, back, at), t);
+        }
+        let (mut factor, mut shine) = (F8::splat(m, 1.0), F8::splat(m, 0.0));
         if scene.frame.has(Frame::LIT) {
-            let there = if scene.frame.has(Frame::FORWARD) { scene.sampler.values(&point) } else { value };
-            light = self.light(scene, at, hit, &point, &there, true);
+            let there = if scene.frame.has(Frame::FORWARD) { scene.sampler.values(m, &point) } else { value };
+            [factor, shine] = self.light(m, scene, at, hit, &point, there, true);
         }
-        let color = scene.frame.iso_color;
-        for l in (0..LANES).filter(|l| hit >> l & 1 == 1) {
-            let c = |c: usize| color[c] * light[0][l] + light[1][l];
-            for (plane, v) in self.sum.iter_mut().zip([c(0), c(1), c(2), 1.0]) {
-                plane[at + l] = v;
-            }
+        for (plane, color) in self.sum.iter_mut().zip(&scene.frame.iso_color[..3]) {
+            let c = F8::splat(m, *color).times_plus(factor, shine);
+            c.or(hit, F8::at(m, plane, at)).put(plane, at);
         }
+        F8::splat(m, 1.0).or(hit, F8::at(m, &self.sum[3], at)).put(&mut self.sum[3], at);
         hit
     }
 
     #[inline(always)]
-    fn mip<T: Texel, const C: usize>(
-        &mut self,
-        scene: &Scene<'_, T, C>,
-        at: usize,
-        mask: u32,
-        front: &[Lanes; 3],
-    ) -> u32 {
-        let value = scene.sampler.values(front);
-        let mut full = 0;
-        for l in (0..LANES).filter(|l| mask >> l & 1 == 1) {
-            let most = self.sum[0][at + l].max(value[l]);
-            self.sum[0][at + l] = most;
-            self.sum[3][at + l] = 1.0;
-            full |= u32::from(most >= 1.0) << l;
-        }
-        full
+    fn mip<M: Machine>(&mut self, m: M, at: usize, mask: u32, value: F8<M>) -> u32 {
+        let before = F8::at(m, &self.sum[0], at);
+        let most = before.max(value).or(mask, before);
+        most.put(&mut self.sum[0], at);
+        F8::splat(m, 1.0).or(mask, F8::at(m, &self.sum[3], at)).put(&mut self.sum[3], at);
+        mask & !most.below(1.0)
     }
 
     /// The factor of the fragments' colours and what shines on top, per opacity. `surface`: shaded whatever the gradient.
+    #[allow(clippy::too_many_arguments)]
     #[inline(always)]
-    fn light<T: Texel, const C: usize>(
+    fn light<M: Machine, T: Texel, const C: usize>(
         &self,
+        m: M,
         scene: &Scene<'_, T, C>,
         at: usize,
         mask: u32,
-        point: &[Lanes; 3],
-        value: &Lanes,
+        point: &[F8<M>; 3],
+        value: F8<M>,
         surface: bool,
-    ) -> [Lanes; 2] {
+    ) -> [F8<M>; 2] {
+        let (zero, one) = (F8::splat(m, 0.0), F8::splat(m, 1.0));
         let [ambient, diffuse_weight, specular_weight, shininess] = scene.frame.material;
-        let [lx, ly, lz, h] = scene.frame.light;
-        let mut jacobian = [[0.0; LANES]; 9];
-        match &self.jacobians {
-            Some(planes) if self.varies => (0..9).for_each(|i| jacobian[i] = lanes(&planes[i], at)),
-            _ => (0..9).for_each(|i| jacobian[i] = [self.jacobian[i]; LANES]),
+        let light = scene.frame.light;
+        let h = F8::splat(m, light[3]);
+        let light = [F8::splat(m, light[0]), F8::splat(m, light[1]), F8::splat(m, light[2])];
+        let mut jacobian = [one; 9];
+        for (i, entry) in jacobian.iter_mut().enumerate() {
+            *entry = match &self.jacobians {
+                Some(planes) if self.varies => F8::at(m, &planes[i], at),
+                _ => F8::splat(m, self.jacobian[i]),
+            };
         }
-        let mut factor = [0.0; LANES];
-        let mut shine = [0.0; LANES];
+        let j = &jacobian;
         if scene.frame.has(Frame::FORWARD) {
             let mut ahead = *point;
             for a in 0..3 {
-                for l in 0..LANES {
-                    ahead[a][l] += h * (jacobian[a][l] * lx + jacobian[3 + a][l] * ly + jacobian[6 + a][l] * lz);
-                }
+                ahead[a] = h.times_plus(dot([j[a], j[3 + a], j[6 + a]], light), ahead[a]);
             }
-            let ahead = scene.sampler.values(&ahead);
-            for l in 0..LANES {
-                factor[l] = ambient + diffuse_weight * (12.0 * (value[l] - ahead[l])).clamp(0.0, 1.0);
-            }
-            return [factor, shine];
+            let rise = ((value - scene.sampler.values(m, &ahead)) * 12.0).clamp(0.0, 1.0);
+            return [rise.times_plus(diffuse_weight, ambient), zero];
         }
-        let d = scene.sampler.differences(point, mask);
-        let to_eye: [Lanes; 3] = std::array::from_fn(|a| lanes(&self.to_eye[a], at));
-        let half: [Lanes; 3] = std::array::from_fn(|a| lanes(&self.half[a], at));
+        let d = scene.sampler.differences(m, point, mask);
+        let to_eye = [F8::at(m, &self.to_eye[0], at), F8::at(m, &self.to_eye[1], at), F8::at(m, &self.to_eye[2], at)];
+        let half = [F8::at(m, &self.half[0], at), F8::at(m, &self.half[1], at), F8::at(m, &self.half[2], at)];
         let k = scene.per_voxel;
-        for l in 0..LANES {
-            let [dx, dy, dz] = [d[0][l] * k[0], d[1][l] * k[1], d[2][l] * k[2]];
-            let g = |c: usize| jacobian[3 * c][l] * dx + jacobian[3 * c + 1][l] * dy + jacobian[3 * c + 2][l] * dz;
-            let (gx, gy, gz) = (g(0), g(1), g(2));
-            let square = gx * gx + gy * gy + gz * gz;
-            let flat = square < FLAT * FLAT;
-            let length = square.sqrt();
-            let facing = gx * to_eye[0][l] + gy * to_eye[1][l] + gz * to_eye[2][l];
-            let unit = (if facing < 0.0 { -1.0 } else { 1.0 }) / if flat { 1.0 } else { length };
-            let n = [gx * unit, gy * unit, gz * unit];
-            let n: [f32; 3] = std::array::from_fn(|a| if flat { to_eye[a][l] } else { n[a] });
-            let nl = n[0] * lx + n[1] * ly + n[2] * lz;
-            let nh = n[0] * half[0][l] + n[1] * half[1][l] + n[2] * half[2][l];
-            let diffuse = if nl > 0.0 { nl } else { 0.0 };
-            let nh = if nh > 1e-6 { nh } else { 1e-6 };
-            let specular = exp2(shininess * log2(nh));
-            let w = length * 12.0;
-            let w = if w < 1.0 && !surface { w } else { 1.0 };
-            factor[l] = 1.0 + w * (ambient + diffuse_weight * diffuse - 1.0);
-            shine[l] = w * specular_weight * specular;
+        let d = [d[0] * k[0], d[1] * k[1], d[2] * k[2]];
+        let g = [dot([j[0], j[1], j[2]], d), dot([j[3], j[4], j[5]], d), dot([j[6], j[7], j[8]], d)];
+        let square = dot(g, g);
+        let length = square.sqrt();
+        let facing = dot(g, to_eye);
+        let unit = F8::splat(m, -1.0).where_below(facing, 0.0, one) / one.where_below(square, FLAT * FLAT, length);
+        let mut n = g;
+        for a in 0..3 {
+            n[a] = to_eye[a].where_below(square, FLAT * FLAT, g[a] * unit);
         }
-        [factor, shine]
+        let diffuse = dot(n, light).max(0.0);
+        let specular = exp2(log2(dot(n, half).max(1e-6)) * shininess);
+        let w = if surface { one } else { (length * 12.0).min(1.0) };
+        let lit = diffuse.times_plus(diffuse_weight, ambient - 1.0);
+        [w.times_plus(lit, 1.0), w * specular_weight * specular]
     }
 }
 
-/// Lanes in which `a < b`; never those that are not numbers.
 #[inline(always)]
-fn below(a: &Lanes, b: &Lanes) -> u32 {
-    let half = |i: usize| Vec4::from_slice(&a[i..i + 4]).cmplt(Vec4::from_slice(&b[i..i + 4])).bitmask();
-    half(0) | half(4) << 4
+fn dot<M: Machine>(a: [F8<M>; 3], b: [F8<M>; 3]) -> F8<M> {
+    a[0].times_plus(b[0], a[1].times_plus(b[1], a[2] * b[2]))
 }
 
 /// Lanes whose coordinates all lie in the texture.
 #[inline(always)]
-fn inside(at: &[Lanes; 3]) -> u32 {
-    let within = |v: &Lanes| below(&[-SLACK; LANES], v) & below(v, &[1.0 + SLACK; LANES]);
-    within(&at[0]) & within(&at[1]) & within(&at[2])
+fn inside<M: Machine>(at: &[F8<M>; 3]) -> u32 {
+    let mut mask = ALL;
+    for v in at {
+        mask &= v.above(-SLACK) & v.below(1.0 + SLACK);
+    }
+    mask
+}
+
+/// Whether a texture coordinate, and what rounding makes of it between others, lies in the texture.
+pub fn is_within(at: &[f32]) -> bool {
+    at.iter().all(|v| (-0.5 * SLACK..=1.0 + 0.5 * SLACK).contains(v))
 }
 
 /// Entry below each value of 0..=1, and how far the value is towards the next.
 #[inline(always)]
-fn entries_of(values: &Lanes) -> ([usize; LANES], Lanes) {
-    let (mut index, mut part) = ([0.0f32; LANES], [0.0; LANES]);
-    for l in 0..LANES {
-        // below 255, so that there is a next entry
-        let f = values[l] * 254.9999;
-        let rounded = (f - 0.5) + MAGIC;
-        index[l] = rounded;
-        part[l] = f - (rounded - MAGIC);
-    }
-    (index.map(|v| integer(v) as usize & (TABLE_SIZE - 1)), part)
+fn entries_of<M: Machine>(value: F8<M>) -> (I8<M>, F8<M>) {
+    // below 255, so that there is a next entry
+    let f = value * 254.9999;
+    let index = f.truncate();
+    (index, f - index.to_float())
 }
 
 /// Look-up in a table that does not depend on the value behind, by channels.
 #[inline(always)]
-fn along_front(table: &ClassTable, value: &Lanes) -> [Lanes; 4] {
+fn along_front<M: Machine>(table: &ClassTable, value: F8<M>) -> [F8<M>; 4] {
     // one more than the row, so that what follows any index lies in it
     let row = &table.entries[..=TABLE_SIZE];
     let (index, part) = entries_of(value);
-    by_channel(|l| mix(Vec4::from_array(row[index[l]]), Vec4::from_array(row[index[l] + 1]), part[l]))
+    let index = index.lanes();
+    let two = |l: usize| {
+        let i = index[l] as usize & (TABLE_SIZE - 1);
+        [&row[i], &row[i + 1]]
+    };
+    mixed([two(0), two(1), two(2), two(3), two(4), two(5), two(6), two(7)], part)
 }
 
 /// Bilinear look-up, by channels.
 #[inline(always)]
-fn across(table: &ClassTable, front: &Lanes, behind: &Lanes) -> [Lanes; 4] {
-    let (i, x) = entries_of(front);
-    let (j, y) = entries_of(behind);
-    by_channel(|l| {
-        let e = &table.entries[j[l] * TABLE_SIZE + i[l]..][..TABLE_SIZE + 2];
-        let near = mix(Vec4::from_array(e[0]), Vec4::from_array(e[1]), x[l]);
-        let far = mix(Vec4::from_array(e[TABLE_SIZE]), Vec4::from_array(e[TABLE_SIZE + 1]), x[l]);
-        mix(near, far, y[l])
-    })
-}
-
-#[inline(always)]
-fn mix(a: Vec4, b: Vec4, t: f32) -> Vec4 {
-    a + (b - a) * t
-}
-
-/// Four-vectors of all lanes, turned into lanes of each component.
-#[inline(always)]
-fn by_channel(of: impl Fn(usize) -> Vec4) -> [Lanes; 4] {
-    let mut out = [[0.0; LANES]; 4];
-    for i in (0..LANES).step_by(4) {
-        let turned = Mat4::from_cols(of(i), of(i + 1), of(i + 2), of(i + 3)).transpose();
-        for (out, c) in out.iter_mut().zip([turned.x_axis, turned.y_axis, turned.z_axis, turned.w_axis]) {
-            out[i..i + 4].copy_from_slice(&c.to_array());
-        }
+fn across<M: Machine>(table: &ClassTable, front: F8<M>, behind: F8<M>) -> [F8<M>; 4] {
+    let ((i, x), (j, y)) = (entries_of(front), entries_of(behind));
+    let at = (i + j.shift_left::<8>()).lanes();
+    let four = |l: usize| &table.entries[at[l] as usize..][..TABLE_SIZE + 2];
+    let e = [four(0), four(1), four(2), four(3), four(4), four(5), four(6), four(7)];
+    let two = |l: usize, i: usize| [&e[l][i], &e[l][i + 1]];
+    let near = mixed([two(0, 0), two(1, 0), two(2, 0), two(3, 0), two(4, 0), two(5, 0), two(6, 0), two(7, 0)], x);
+    const N: usize = TABLE_SIZE;
+    let far = mixed([two(0, N), two(1, N), two(2, N), two(3, N), two(4, N), two(5, N), two(6, N), two(7, N)], x);
+    let mut out = near;
+    for c in 0..4 {
+        out[c] = near[c].towards(far[c], y);
     }
     out
+}
+
+#[inline(always)]
+fn mixed<M: Machine>(rows: [[&[f32; 4]; 2]; LANES], part: F8<M>) -> [F8<M>; 4] {
+    let m = part.0;
+    let [r, g, b, a] = m.along(rows, part.1);
+    [F8(m, r), F8(m, g), F8(m, b), F8(m, a)]
 }
 
 /// Opacities below this, for rays less than twice as long, are made longer by a series.
@@ -333,71 +322,74 @@ const THIN: f32 = 0.25;
 
 /// `(1 - (1 - a)^s) / a`, to 3e-6: what a layer's opacity and colour grow by if the ray through it is `s` times as long.
 #[inline(always)]
-fn longer(alpha: &Lanes, stretch: &Lanes) -> Lanes {
-    let mut gain = [0.0; LANES];
-    if below(alpha, &[THIN; LANES]) & below(stretch, &[2.0; LANES]) == ALL {
+fn longer<M: Machine>(a: F8<M>, s: F8<M>) -> F8<M> {
+    let one = F8::splat(a.0, 1.0);
+    if a.below(THIN) & s.below(2.0) == ALL {
         // the binomial series, five terms: what follows is below 0.007 a^5
-        for l in 0..LANES {
-            let (a, s) = (alpha[l], stretch[l]);
-            let h = 1.0 + a * (4.0 - s) * 0.2;
-            let h = 1.0 + a * (3.0 - s) * 0.25 * h;
-            let h = 1.0 + a * (2.0 - s) * (1.0 / 3.0) * h;
-            gain[l] = s * (1.0 + a * (1.0 - s) * 0.5 * h);
-        }
+        let short = F8::splat(a.0, 4.0) - s;
+        let h = (a * short).times_plus(0.2, one);
+        let h = (a * (short - 1.0)).times_plus(h * 0.25, one);
+        let h = (a * (short - 2.0)).times_plus(h * (1.0 / 3.0), one);
+        s * (a * (short - 3.0)).times_plus(h * 0.5, one)
     } else {
-        for l in 0..LANES {
-            let a = 1.0 - exp2(stretch[l] * log2(1.0 - alpha[l]));
-            gain[l] = a / if alpha[l] > INVISIBLE { alpha[l] } else { 1.0 };
-        }
+        let longer = one - exp2(s * log2(one - a));
+        longer / a.or(a.above(INVISIBLE), one)
     }
-    gain
 }
 
 /// Logarithm to base 2 of a value in 0..=1, to 3e-6; below -100 for 0. By `atanh` of the mantissa around 1.
 #[inline(always)]
-fn log2(x: f32) -> f32 {
+fn log2<M: Machine>(x: F8<M>) -> F8<M> {
     const SQRT_HALF: i32 = 0x3f35_04f3;
-    let bits = x.to_bits() as i32;
-    let exponent = (bits - SQRT_HALF) >> 23;
-    let mantissa = f32::from_bits((bits - (exponent << 23)) as u32);
+    let bits = x.bits();
+    let exponent = (bits - I8::splat(x.0, SQRT_HALF)).arithmetic_right::<23>();
+    let mantissa = (bits - exponent.shift_left::<23>()).as_float();
     let t = (mantissa - 1.0) / (mantissa + 1.0);
     let t2 = t * t;
-    exponent as f32 + t * (2.885_39 + t2 * (0.961_796_7 + t2 * 0.577_078_04))
+    let p = t2.times_plus(t2.times_plus(0.577_078_04, 0.961_796_7), 2.885_39);
+    t.times_plus(p, exponent.to_float())
 }
 
 /// 2 to the power of a value not above 0, to 1e-6 of it; 2^-126 below that.
 #[inline(always)]
-fn exp2(y: f32) -> f32 {
-    let y = if y > -126.0 { y } else { -126.0 };
-    let rounded = y + MAGIC;
-    let f = y - (rounded - MAGIC);
-    let p = 1.0
-        + f * (std::f32::consts::LN_2
-            + f * (0.240_226_5 + f * (0.055_504_11 + f * (0.009_618_13 + f * (0.001_333_36 + f * 0.000_154_04)))));
-    let scale = f32::from_bits(((integer(rounded) + 127) << 23) as u32);
-    p * scale
+fn exp2<M: Machine>(y: F8<M>) -> F8<M> {
+    let y = y.max(-126.0);
+    let whole = (y - 0.5).truncate();
+    let f = y - whole.to_float();
+    let p = f.times_plus(0.000_154_04, 0.001_333_36);
+    let p = f.times_plus(p, 0.009_618_13);
+    let p = f.times_plus(p, 0.055_504_11);
+    let p = f.times_plus(p, 0.240_226_5);
+    let p = f.times_plus(p, std::f32::consts::LN_2);
+    let p = f.times_plus(p, 1.0);
+    p * (whole + I8::splat(y.0, 127)).shift_left::<23>().as_float()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::lanes::{Lanes, Plain};
 
     #[test]
     fn longer_rays_are_close() {
         for i in 0..=1000 {
             let s = 1.0 + i as f32 * 0.003;
-            for k in 0..LANES * 100 {
+            for k in 0..100 {
                 // groups of the series, and of the powers
-                let alpha = std::array::from_fn(|l| (k / LANES * LANES + l + 1) as f32 / 801.0);
-                let (got, a) = (longer(&alpha, &[s; LANES])[k % LANES], f64::from(alpha[k % LANES]));
-                let want = (1.0 - (1.0 - a).powf(f64::from(s))) / a;
-                assert!((f64::from(got) - want).abs() * a < 5e-6, "{s} {a}: {got}, not {want}");
+                let alpha: Lanes = std::array::from_fn(|l| (k * LANES + l + 1) as f32 / 801.0);
+                let got = longer(F8::load(Plain, alpha), F8::splat(Plain, s)).lanes();
+                for (a, got) in alpha.map(f64::from).into_iter().zip(got) {
+                    let want = (1.0 - (1.0 - a).powf(f64::from(s))) / a;
+                    assert!((f64::from(got) - want).abs() * a < 5e-6, "{s} {a}: {got}, not {want}");
+                }
             }
         }
     }
 
     #[test]
     fn powers_are_close() {
+        let log2 = |x: f32| log2(F8::splat(Plain, x)).lanes()[3];
+        let exp2 = |x: f32| exp2(F8::splat(Plain, x)).lanes()[3];
         for i in 1..=10_000 {
             let x = i as f32 / 10_000.0;
             assert!((f64::from(log2(x)) - f64::from(x).log2()).abs() < 4e-6, "{x}");

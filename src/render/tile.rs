@@ -7,9 +7,11 @@
 use glam::{DMat4, DVec3};
 
 use super::raster::Setup;
-use super::sampler::{LANES, Lanes, Sampler, Texel};
+use super::sampler::{Sampler, Texel};
+use super::shade::is_within;
 use super::skip::Skip;
 use super::{ClassTable, Exact, Frame, SliceGeometry};
+use crate::math::lanes::{Best, Machine, Work};
 
 pub const WIDTH: usize = 32;
 pub const HEIGHT: usize = 16;
@@ -33,7 +35,7 @@ pub struct Scene<'a, T: Texel, const C: usize> {
     pub per_voxel: [f32; 3],
     pub local_from_clip: DMat4,
     /// What the processor can do, asked once.
-    pub arch: pulp::Arch,
+    pub best: Best,
 }
 
 impl<'a, T: Texel, const C: usize> Scene<'a, T, C> {
@@ -42,18 +44,18 @@ impl<'a, T: Texel, const C: usize> Scene<'a, T, C> {
     }
 }
 
-/// [`Tile::shade`], compiled once for any processor and once for those with AVX2: all that is inlined here takes part.
+/// [`Tile::shade`] on the best machine there is.
 struct Shade<'t, 's, T: Texel, const C: usize> {
     tile: &'t mut Tile,
     scene: &'s Scene<'s, T, C>,
 }
 
-impl<T: Texel, const C: usize> pulp::WithSimd for Shade<'_, '_, T, C> {
+impl<T: Texel, const C: usize> Work for Shade<'_, '_, T, C> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.tile.shade_rows(self.scene);
+    fn run<M: Machine>(self, machine: M) {
+        self.tile.shade_rows(machine, self.scene);
     }
 }
 
@@ -69,6 +71,8 @@ pub struct Tile {
     pub jacobian: [f32; 9],
     pub jacobians: Option<Box<[Plane; 9]>>,
     pub varies: bool,
+    /// Whether all fragments surely lie in the texture.
+    pub within: bool,
     /// Bits of pixels with a fragment, and of pixels that are not yet opaque, by row.
     pending: [u32; HEIGHT],
     pub alive: [u32; HEIGHT],
@@ -95,6 +99,7 @@ impl Tile {
             jacobian: [0.0; 9],
             jacobians: None,
             varies: false,
+            within: false,
             pending: [0; HEIGHT],
             alive: [0; HEIGHT],
             fragments: 0,
@@ -114,6 +119,7 @@ impl Tile {
         let left = |axis: usize, side: usize| (i64::from(frame.size[axis]) - self.origin[axis]).min(side as i64);
         self.size = [left(0, WIDTH), left(1, HEIGHT)];
         self.pending = [0; HEIGHT];
+        self.within = scene.exact.is_none();
         self.fragments = 0;
         self.alive = [0; HEIGHT];
         self.alive[..self.size[1] as usize].fill(bits(0..self.size[0] as usize));
@@ -170,6 +176,7 @@ impl Tile {
             self.jacobian = corners[0].jacobian;
         }
         let lines = Lines::new(corners, scene);
+        let within = corners.iter().all(|c| is_within(&c.front));
         // whether some rows may have nothing to see
         let mut gaps = scene.exact.is_none() && !scene.skip.full;
         if gaps {
@@ -204,6 +211,7 @@ impl Tile {
                 }
             }
             self.pending[row] |= covered;
+            self.within &= within;
             let at = row * WIDTH + columns.start..row * WIDTH + columns.end;
             let count = if scene.back { 6 } else { 3 };
             for (i, (start, step)) in start.iter().zip(step).take(count).enumerate() {
@@ -223,11 +231,12 @@ impl Tile {
 
     /// Shades all collected fragments.
     pub fn shade<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>) {
-        scene.arch.dispatch(Shade { tile: self, scene });
+        scene.best.run(Shade { tile: self, scene });
+        self.within = scene.exact.is_none();
     }
 
     #[inline(always)]
-    fn shade_rows<T: Texel, const C: usize>(&mut self, scene: &Scene<'_, T, C>) {
+    fn shade_rows<M: Machine, T: Texel, const C: usize>(&mut self, m: M, scene: &Scene<'_, T, C>) {
         for row in 0..HEIGHT {
             if self.pending[row] == 0 {
                 continue;
@@ -237,13 +246,8 @@ impl Tile {
             if let Some(exact) = &scene.exact {
                 self.apply(scene, exact, row, pending);
             }
-            for group in 0..WIDTH / LANES {
-                let mask = pending >> (group * LANES) & ((1 << LANES) - 1);
-                if mask != 0 {
-                    let opaque = self.group(scene, row * WIDTH + group * LANES, mask);
-                    self.alive[row] &= !(opaque << (group * LANES));
-                }
-            }
+            let opaque = self.row(m, scene, row, pending);
+            self.alive[row] &= !opaque;
         }
     }
 
@@ -279,12 +283,6 @@ impl Tile {
             (self.origin[1] as usize + row, self.origin[0] as usize, sums)
         })
     }
-}
-
-/// Lanes of a plane.
-#[inline(always)]
-pub fn lanes(plane: &Plane, at: usize) -> Lanes {
-    std::array::from_fn(|l| plane[at + l])
 }
 
 fn bits(columns: std::ops::Range<usize>) -> u32 {

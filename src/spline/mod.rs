@@ -26,6 +26,7 @@ pub mod cells;
 mod correct;
 pub mod cubic;
 mod level;
+pub mod paint;
 mod piece;
 mod ray;
 pub mod refine;
@@ -96,6 +97,11 @@ impl Spline {
     /// The coefficient that stands for a sample: the sample itself without corrections.
     pub fn sample(&self, at: [usize; 3]) -> f32 {
         self.coefficients.values[self.coefficients.index(at)]
+    }
+
+    /// All coefficients that stand for samples, x fastest, with one more sample on every side, which repeats the outermost.
+    pub fn padded(&self) -> &[f32] {
+        &self.coefficients.values
     }
 
     /// Where a point lies; points beyond the domain are moved to its border.

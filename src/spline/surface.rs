@@ -20,6 +20,7 @@ use super::Spline;
 use super::correct::Sums;
 use super::cubic;
 use super::level::{limit, signs};
+use crate::math::parallel::Pool;
 use crate::mesh::contour::{Contour, Edge, Placer, Sides, contour};
 
 /// How near to a sample a vertex may come, in voxels.
@@ -72,11 +73,10 @@ fn sides(spline: &Spline, iso: f64) -> Sides {
     let c = &spline.coefficients;
     let [_, width, layer] = c.strides();
     let at = limit(iso);
+    let scratch = Pool::default();
     Sides::new(c.dims, &|j, k, out| {
-        let mut sums = Sums::new(width);
         let layers = [k, k + 1, k + 2].map(|k| &c.values[k * layer..][..layer]);
-        let row = sums.row(layers, (j + 1) * width, width);
-        signs(row, at, out);
+        scratch.with(|| Sums::new(width), |sums| signs(sums.row(layers, (j + 1) * width, width), at, out));
     })
 }
 
@@ -88,7 +88,44 @@ struct Along<'a> {
     frame: Frame,
 }
 
-/// The coefficients along the first half of an edge, less the isovalue, and what the gradient needs.
+/// The samples around an edge at one of its ends, or one step beyond: at the edge, beside it along both other axes, and at
+/// the corners between these.
+struct Ring {
+    center: f64,
+    /// Up, down, front, back.
+    lateral: [f64; 4],
+    /// Up and front, up and back, down and front, down and back.
+    diagonal: [f64; 4],
+}
+
+impl Ring {
+    #[inline(always)]
+    fn at(v: &[f32], center: usize, [y, z]: [isize; 2]) -> Self {
+        let get = |offset: isize| f64::from(v[center.wrapping_add_signed(offset)]);
+        Self {
+            center: get(0),
+            lateral: [get(y), get(-y), get(z), get(-z)],
+            diagonal: [get(y + z), get(y - z), get(-y + z), get(-y - z)],
+        }
+    }
+
+    #[inline(always)]
+    fn sums(&self) -> [f64; 2] {
+        let [u, d, f, b] = self.lateral;
+        let [uf, ub, df, db] = self.diagonal;
+        [u + d + f + b, uf + ub + df + db]
+    }
+}
+
+/// The value at the face between the two cubes of an edge, less the isovalue.
+#[inline(always)]
+fn at_face(first: &Ring, second: &Ring, iso: f64) -> f64 {
+    let ([lateral0, diagonal0], [lateralp, diagonalp]) = (first.sums(), second.sums());
+    13.0 / 48.0 * (first.center + second.center) + 5.0 / 96.0 * (lateral0 + lateralp) + (diagonal0 + diagonalp) / 192.0
+        - iso
+}
+
+/// The coefficients along one half of an edge, less the isovalue, and what the gradient needs.
 struct Half {
     cubic: [f64; 4],
     /// The parts of the gradient across the edge, by Bernstein coefficients.
@@ -96,18 +133,12 @@ struct Half {
 }
 
 impl Half {
-    /// From the sample at `center`, along `x`.
+    /// From the end that the half begins at; the rings before it, there, and at the other end.
     #[inline(always)]
-    fn new(v: &[f32], center: usize, [x, y, z]: [isize; 3], iso: f64) -> Self {
-        let get = |offset: isize| f64::from(v[center.wrapping_add_signed(offset)]);
-        let (cm, c0, cp) = (get(-x), get(0), get(x));
-        let (um, dm, fm, bm) = (get(y - x), get(-y - x), get(z - x), get(-z - x));
-        let (u0, d0, f0, b0) = (get(y), get(-y), get(z), get(-z));
-        let (up, dp, fp, bp) = (get(y + x), get(-y + x), get(z + x), get(-z + x));
-        let (uf0, ub0, df0, db0) = (get(y + z), get(y - z), get(-y + z), get(-y - z));
-        let (ufp, ubp, dfp, dbp) = (get(y + z + x), get(y - z + x), get(-y + z + x), get(-y - z + x));
-        let (lateralm, lateral0, lateralp) = (um + dm + fm + bm, u0 + d0 + f0 + b0, up + dp + fp + bp);
-        let (diagonal0, diagonalp) = (uf0 + ub0 + df0 + db0, ufp + ubp + dfp + dbp);
+    fn new(before: &Ring, here: &Ring, beyond: &Ring, iso: f64) -> Self {
+        let (cm, c0, cp) = (before.center, here.center, beyond.center);
+        let lateralm = before.sums()[0];
+        let ([lateral0, diagonal0], [lateralp, _]) = (here.sums(), beyond.sums());
         let cubic = [
             3.0 / 8.0 * c0 + (cm + cp + lateral0) / 12.0 + (lateralm + lateralp + diagonal0) / 96.0 - iso,
             3.0 / 8.0 * c0
@@ -119,7 +150,7 @@ impl Half {
                 + lateralm / 192.0
                 - iso,
             c0 / 3.0 + 5.0 / 24.0 * cp + 7.0 / 96.0 * lateral0 + lateralp / 32.0 + diagonal0 / 96.0 - iso,
-            13.0 / 48.0 * (c0 + cp) + 5.0 / 96.0 * (lateral0 + lateralp) + (diagonal0 + diagonalp) / 192.0 - iso,
+            at_face(here, beyond, iso),
         ];
         // slopes of the rings of coefficients around the edge, by differences to both sides
         let slopes = |m: f64, o: f64, p: f64, diagonal0: f64, diagonalp: f64| {
@@ -129,23 +160,21 @@ impl Half {
                 7.0 / 32.0 * (o + p) + (diagonal0 + diagonalp) / 64.0,
             ]
         };
+        let up = |r: &Ring| r.lateral[0] - r.lateral[1];
+        let front = |r: &Ring| r.lateral[2] - r.lateral[3];
+        let up_diagonal = |r: &Ring| {
+            let [uf, ub, df, db] = r.diagonal;
+            uf - df + ub - db
+        };
+        let front_diagonal = |r: &Ring| {
+            let [uf, ub, df, db] = r.diagonal;
+            uf - ub + df - db
+        };
         let across = [
-            slopes(um - dm, u0 - d0, up - dp, uf0 - df0 + ub0 - db0, ufp - dfp + ubp - dbp),
-            slopes(fm - bm, f0 - b0, fp - bp, uf0 - ub0 + df0 - db0, ufp - ubp + dfp - dbp),
+            slopes(up(before), up(here), up(beyond), up_diagonal(here), up_diagonal(beyond)),
+            slopes(front(before), front(here), front(beyond), front_diagonal(here), front_diagonal(beyond)),
         ];
         Self { cubic, across }
-    }
-
-    /// The value at the face between the two cubes, less the isovalue.
-    #[inline(always)]
-    fn at_face(v: &[f32], center: usize, [x, y, z]: [isize; 3], iso: f64) -> f64 {
-        let both = |offset: isize| {
-            f64::from(v[center.wrapping_add_signed(offset)]) + f64::from(v[center.wrapping_add_signed(offset + x)])
-        };
-        13.0 / 48.0 * both(0)
-            + 5.0 / 96.0 * (both(y) + both(-y) + both(z) + both(-z))
-            + (both(y + z) + both(y - z) + both(-y + z) + both(-y - z)) / 192.0
-            - iso
     }
 }
 
@@ -154,12 +183,13 @@ impl Placer for Along<'_> {
         let c = &self.spline.coefficients;
         let [x, y, z] = [0, 1, 2].map(|i| self.strides[(edge.axis + i) % 3] as isize);
         let at = c.index(edge.node);
+        let (one, two) = (Ring::at(&c.values, at, [y, z]), Ring::at(&c.values, at.wrapping_add_signed(x), [y, z]));
         // the half whose ends are on different sides
-        let first = (Half::at_face(&c.values, at, [x, y, z], self.iso) >= 0.0) != inside;
+        let first = (at_face(&one, &two, self.iso) >= 0.0) != inside;
         let half = if first {
-            Half::new(&c.values, at, [x, y, z], self.iso)
+            Half::new(&Ring::at(&c.values, at.wrapping_add_signed(-x), [y, z]), &one, &two, self.iso)
         } else {
-            Half::new(&c.values, at.wrapping_add_signed(x), [-x, y, z], self.iso)
+            Half::new(&Ring::at(&c.values, at.wrapping_add_signed(2 * x), [y, z]), &two, &one, self.iso)
         };
         let u = cubic::crossing(&half.cubic, 0.0, 1.0, half.cubic[3]).max(2.0 * CLEAR);
         let (mut p, mut gradient) = (DVec3::from(edge.node.map(|v| v as f64)), DVec3::ZERO);

@@ -4,22 +4,26 @@
 //! coordinates are an affine map of position and large triangles are exact. Inside, triangles are refined until the
 //! displaced coordinate is, and their union's border is shared by both parts, so that every point is drawn exactly once.
 
+mod keep;
+
 use std::collections::HashMap;
-use std::ops::Range;
 
 use glam::{DAffine3, DVec2, DVec3};
 use rayon::prelude::*;
 
+use self::keep::{Last, View};
 use super::EvaluateError;
 use super::clip::clip;
 use super::load::Object;
 use crate::deform::{Blocks, Prepared};
 use crate::math::{BackwardMap, OrientedBox, PlaneFrame};
 use crate::render::{Camera, Projection, SliceGeometry, SliceVertex};
-use crate::slice::{Planes, Slicer, Slices, box_section};
+use crate::slice::{Planes, Slices, box_section};
 use crate::subdivide::{NextSlice, Refiner, Rule, Smallest, Supports, Texturing, corners};
 use crate::tessellate::regions::Cutter;
-use crate::tessellate::{Limits, Method, Outlines, Tessellator, Triangulation};
+use crate::tessellate::{Limits, Method, Outlines, Triangulation};
+
+pub use self::keep::Keeper;
 
 /// When triangles inside displacement volumes are fine enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,68 +71,107 @@ pub fn slices_with_warnings(
     camera: &Camera,
     options: &GeometryOptions,
 ) -> Result<(SliceGeometry, Vec<String>), EvaluateError> {
-    let grid = &object.volume.grid;
-    let frame = PlaneFrame::across(camera.to_eye()).ok_or(EvaluateError::View)?;
-    let center = grid.center();
-    let (lo, hi) = extent(&frame, &object.mesh.positions);
-    let count = match options.slices {
-        Some(n) => n as f64,
-        None => ((hi - lo) / grid.finest()).ceil().max(1.0),
-    };
-    if !(count <= MOST_SLICES) {
-        return Err(EvaluateError::TooManySlices(count));
-    }
-    let planes = Planes::between(frame, lo, hi, count as usize);
-    let mut slicer = Slicer::default();
-    let sections = slicer.slice(&object.mesh.positions, &object.topology, &planes)?;
+    Keeper::default().slices(object, camera, options)
+}
 
-    let warnings = sections.warnings().map(|w| w.sentence(&planes)).collect();
-    let prepared = object.stack.prepared();
-    let boxes = if options.subdivide { prepared.supports() } else { Vec::new() };
-    let cuts = cuts(&boxes, &planes, sections);
-    // planes that meet no box are triangulated as they are, all others by region
-    let mut owner = sections.owner.clone();
-    for (k, _) in cuts.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
-        owner[sections.plane_loops(k)].fill(Slices::NONE);
+impl Keeper {
+    /// As [`slices_with_warnings`], and the same to the bit. Planes in which nothing changed since the last call are not
+    /// triangulated, refined and displaced again.
+    ///
+    /// # Errors
+    /// As [`slices`].
+    pub fn slices(
+        &mut self,
+        object: &Object,
+        camera: &Camera,
+        options: &GeometryOptions,
+    ) -> Result<(SliceGeometry, Vec<String>), EvaluateError> {
+        let grid = &object.volume.grid;
+        let frame = PlaneFrame::across(camera.to_eye()).ok_or(EvaluateError::View)?;
+        let center = grid.center();
+        let (lo, hi) = extent(&frame, &object.mesh.positions);
+        let count = match options.slices {
+            Some(n) => n as f64,
+            None => ((hi - lo) / grid.finest()).ceil().max(1.0),
+        };
+        if !(count <= MOST_SLICES) {
+            return Err(EvaluateError::TooManySlices(count));
+        }
+        let planes = Planes::between(frame, lo, hi, count as usize);
+        let last = self.last.take();
+        // those of the last call take the place of those before
+        std::mem::swap(&mut self.slicer.slices, &mut self.before);
+        let sections = self.slicer.slice(&object.mesh.positions, &object.topology, &planes)?;
+
+        let warnings = sections.warnings().map(|w| w.sentence(&planes)).collect();
+        let prepared = object.stack.prepared();
+        let boxes = if options.subdivide { prepared.supports() } else { Vec::new() };
+        let cuts = cuts(&boxes, &planes, sections);
+        let view = View {
+            planes,
+            eye: camera.eye(),
+            projection: camera.projection,
+            options: *options,
+            pixel: pixel(camera, options.size),
+            grid: *grid,
+            feature: match options.refinement {
+                // they are split as often whatever the features
+                Refinement::Depth(_) => 0.0,
+                Refinement::Tolerance(_) => prepared.feature_size(),
+            },
+        };
+        let deformers = object.stack.active().map(|d| d.into_owned()).collect::<Vec<_>>();
+        let mut kept =
+            last.map_or_else(Vec::new, |last| last.unchanged(&view, &deformers, &self.before, sections, &cuts));
+        kept.resize_with(planes.count, || None);
+        self.kept = kept.iter().flatten().count();
+
+        // planes that meet no box are triangulated as they are, all others by region
+        let mut owner = sections.owner.clone();
+        for (k, _) in kept.iter().zip(&cuts).enumerate().filter(|(_, (kept, c))| kept.is_some() || !c.is_empty()) {
+            owner[sections.plane_loops(k)].fill(Slices::NONE);
+        }
+        let all = Outlines {
+            points: &sections.points,
+            loop_start: &sections.loop_start,
+            plane_start: &sections.plane_start,
+            area: &sections.area,
+            owner: &sections.owner,
+        };
+        let outlines = Outlines { owner: &owner, ..all };
+        let maker = Maker {
+            planes,
+            camera,
+            center,
+            texture_from_world: grid.texture_from_world(),
+            sections,
+            all: &all,
+            outlines: &outlines,
+            plain: self.tessellator.run(&outlines, Method::Fast),
+            cuts: &cuts,
+            supports: Supports::new(&prepared, Some(prepared.feature_size())),
+            blocks: prepared.blocks(center),
+            prepared: &prepared,
+            rule: rule(object, options),
+            method: match options.refinement {
+                // while something moves
+                Refinement::Depth(_) => Method::Fast,
+                // well-shaped triangles need fewer splits for the same error
+                Refinement::Tolerance(_) => Method::Quality(Limits::default()),
+            },
+            pixel: view.pixel,
+        };
+        // runs of planes, so that buffers are made once per run and not per plane
+        let wanted: Vec<usize> = (0..planes.count).filter(|k| kept[*k].is_none()).collect();
+        let run = wanted.len().div_ceil(8 * rayon::current_num_threads()).max(1);
+        let made: Vec<Vec<Part>> = wanted.par_chunks(run).map(|run| maker.parts(run)).collect();
+        let mut made = made.into_iter().flatten();
+        let parts: Vec<Part> = kept.into_iter().map(|kept| kept.or_else(|| made.next()).unwrap_or_default()).collect();
+        let mut geometry = join(&parts, center, planes.step);
+        clip(&mut geometry, &object.clip);
+        self.last = Some(Last { view, deformers, cuts, parts });
+        Ok((geometry, warnings))
     }
-    let all = Outlines {
-        points: &sections.points,
-        loop_start: &sections.loop_start,
-        plane_start: &sections.plane_start,
-        area: &sections.area,
-        owner: &sections.owner,
-    };
-    let outlines = Outlines { owner: &owner, ..all };
-    let mut tessellator = Tessellator::default();
-    let maker = Maker {
-        planes,
-        camera,
-        center,
-        texture_from_world: grid.texture_from_world(),
-        sections,
-        all: &all,
-        outlines: &outlines,
-        plain: tessellator.run(&outlines, Method::Fast),
-        cuts: &cuts,
-        supports: Supports::new(&prepared, Some(prepared.feature_size())),
-        blocks: prepared.blocks(center),
-        prepared: &prepared,
-        rule: rule(object, options),
-        method: match options.refinement {
-            // while something moves
-            Refinement::Depth(_) => Method::Fast,
-            // well-shaped triangles need fewer splits for the same error
-            Refinement::Tolerance(_) => Method::Quality(Limits::default()),
-        },
-        pixel: pixel(camera, options.size),
-    };
-    // runs of planes, so that buffers are made once per run and not per plane
-    let run = planes.count.div_ceil(8 * rayon::current_num_threads()).max(1);
-    let starts: Vec<usize> = (0..planes.count).step_by(run).collect();
-    let parts: Vec<Part> = starts.par_iter().map(|&first| maker.part(first..(first + run).min(planes.count))).collect();
-    let mut geometry = join(parts, center, planes.step);
-    clip(&mut geometry, &object.clip);
-    Ok((geometry, warnings))
 }
 
 /// For each plane the sections of the boxes that may meet the object there.
@@ -171,28 +214,23 @@ fn rule(object: &Object, options: &GeometryOptions) -> Rule<'static> {
     }
 }
 
-/// The triangles of a run of planes, with indices into its own vertices.
-#[derive(Default)]
+/// The triangles of a plane, with indices into its own vertices.
+#[derive(Debug, Default)]
 struct Part {
     vertices: Vec<SliceVertex>,
     indices: Vec<u32>,
-    /// Number of indices of each plane.
-    counts: Vec<u32>,
 }
 
-fn join(parts: Vec<Part>, center: DVec3, distance: f64) -> SliceGeometry {
+fn join(parts: &[Part], center: DVec3, distance: f64) -> SliceGeometry {
     let mut geometry = SliceGeometry { center, distance, ..SliceGeometry::default() };
     geometry.vertices.reserve_exact(parts.iter().map(|p| p.vertices.len()).sum());
     geometry.indices.reserve_exact(parts.iter().map(|p| p.indices.len()).sum());
     for part in parts {
         let base = geometry.vertices.len() as u32;
-        let mut at = geometry.indices.len() as u32;
+        let at = geometry.indices.len() as u32;
         geometry.vertices.extend_from_slice(&part.vertices);
         geometry.indices.extend(part.indices.iter().map(|i| i + base));
-        for n in part.counts {
-            geometry.slices.push(at..at + n);
-            at += n;
-        }
+        geometry.slices.push(at..geometry.indices.len() as u32);
     }
     geometry
 }
@@ -232,11 +270,11 @@ struct Scratch {
 }
 
 impl Maker<'_> {
-    fn part(&self, planes: Range<usize>) -> Part {
-        let mut part = Part::default();
+    fn parts(&self, planes: &[usize]) -> Vec<Part> {
         let mut scratch = Scratch::default();
-        for k in planes {
-            let before = part.indices.len();
+        let mut parts = Vec::with_capacity(planes.len());
+        for &k in planes {
+            let mut part = Part::default();
             let height = self.planes.height(k);
             if let Some(next) = self.next_slice(height)
                 && !self.sections.plane_loops(k).is_empty()
@@ -248,9 +286,9 @@ impl Maker<'_> {
                     self.cut(&plane, &mut scratch, &mut part);
                 }
             }
-            part.counts.push((part.indices.len() - before) as u32);
+            parts.push(part);
         }
-        part
+        parts
     }
 
     /// Where rays through this plane meet the next one; `None` if the plane lies behind the eye.
