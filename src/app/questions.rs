@@ -156,7 +156,8 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
                 ui.heading("Keys");
                 // side by side, so that the whole map fits into a small window
                 ui.set_width(KEYS_WIDTH.min(ctx.content_rect().width() - 80.0));
-                egui::ScrollArea::vertical().max_height(ctx.content_rect().height() - 180.0).show(ui, |ui| {
+                let most = ctx.content_rect().height() - 180.0;
+                egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {
                     ui.columns(2, |columns| {
                         for (column, groups) in columns.iter_mut().zip([&["Tools", "Work"][..], &["View"]]) {
                             for group in groups {
