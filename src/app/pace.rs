@@ -10,29 +10,59 @@ const COARSEST: f64 = 0.2;
 pub struct Pace {
     /// Nanoseconds for a pixel of a slice.
     pixel: f64,
-    /// Milliseconds for slices and whatever else does not depend on the number of pixels.
-    fixed: f64,
+    /// Milliseconds for making one slice, whatever its size in pixels.
+    slice: f64,
+    /// What was taken last for coarse pictures: the part of the full resolution, and the number of slices.
+    scale: f64,
+    slices: f64,
 }
+
+/// Coarse pictures stay as coarse as they are while what fits is within this factor: a picture must not swim under the hand, and
+/// slices that stay where they are need not be made again.
+const STEADY: f64 = 1.3;
+/// Fewer slices tear the object apart.
+const FEWEST: f64 = 64.0;
 
 impl Default for Pace {
     fn default() -> Self {
         // a slow machine: the first picture is soon there, and tells the truth
-        Self { pixel: 4.0, fixed: 8.0 }
+        Self { pixel: 4.0, slice: 0.05, scale: 0.0, slices: 0.0 }
     }
 }
 
 impl Pace {
-    pub fn learn(&mut self, report: &PictureReport, (w, h): (u32, u32)) {
+    /// `coarse`: whether its slices were roughly split, as those are whose number is chosen.
+    pub fn learn(&mut self, report: &PictureReport, (w, h): (u32, u32), coarse: bool) {
         let work = f64::from(w) * f64::from(h) * report.slices.max(1) as f64;
         let mix = |old: f64, new: f64| 0.6 * old + 0.4 * new;
         self.pixel = mix(self.pixel, report.ms_draw * 1e6 / work.max(1.0)).clamp(1e-4, 1e3);
-        self.fixed = mix(self.fixed, report.ms_geometry);
+        if coarse {
+            self.slice = mix(self.slice, report.ms_geometry / report.slices.max(1) as f64).clamp(1e-4, 1e3);
+        }
     }
 
     /// The part of the full resolution that fits into `budget` milliseconds.
     pub fn scale(&self, (w, h): (u32, u32), slices: f64, budget: f64) -> f64 {
         let full = self.pixel * 1e-6 * f64::from(w) * f64::from(h) * slices;
-        ((budget - self.fixed).max(0.25 * budget) / full.max(1e-9)).sqrt().clamp(COARSEST, 1.0)
+        ((budget - self.slice * slices).max(0.25 * budget) / full.max(1e-9)).sqrt().clamp(COARSEST, 1.0)
+    }
+
+    /// The same for coarse pictures: it changes in steps.
+    pub fn coarse(&mut self, size: (u32, u32), slices: f64, budget: f64) -> f64 {
+        let scale = self.scale(size, slices, budget);
+        if !(self.scale / STEADY..=self.scale * STEADY).contains(&scale) {
+            self.scale = scale;
+        }
+        self.scale
+    }
+
+    /// Of the slices wanted, as many as can be made in half of `budget` milliseconds; this changes in steps, too.
+    pub fn slices(&mut self, wanted: f64, budget: f64) -> f64 {
+        let slices = wanted.min((0.5 * budget / self.slice).max(FEWEST)).round();
+        if !(self.slices / STEADY..=self.slices * STEADY).contains(&slices) {
+            self.slices = slices;
+        }
+        self.slices
     }
 }
 
@@ -43,7 +73,8 @@ mod tests {
     #[test]
     fn what_is_slow_is_drawn_coarser() {
         let size = (1000, 800);
-        let scale = |pixel: f64, budget: f64| Pace { pixel, fixed: 2.0 }.scale(size, 200.0, budget);
+        let pace = |pixel: f64| Pace { pixel, slice: 0.01, ..Pace::default() };
+        let scale = |pixel: f64, budget: f64| pace(pixel).scale(size, 200.0, budget);
         assert!(scale(4.0, 33.0) < scale(1.0, 33.0));
         assert!(scale(1.0, 33.0) < scale(1.0, 100.0));
         // within bounds, however slow or fast
@@ -52,5 +83,24 @@ mod tests {
         let s = scale(1.0, 33.0);
         let ms = 1e-6 * s * s * 1000.0 * 800.0 * 200.0 + 2.0;
         assert!((ms - 33.0).abs() < 1e-6, "{ms}");
+    }
+
+    #[test]
+    fn coarse_pictures_are_steady() {
+        let size = (1000, 800);
+        let mut pace = Pace { slice: 0.05, ..Pace::default() };
+        let first = pace.coarse(size, 200.0, 33.0);
+        assert_eq!(first, pace.scale(size, 200.0, 33.0));
+        pace.pixel *= 1.2;
+        assert_eq!(pace.coarse(size, 200.0, 33.0), first);
+        pace.pixel *= 4.0;
+        assert!(pace.coarse(size, 200.0, 33.0) < 0.6 * first);
+        // as many slices as half the time allows, never very few, and all if there are no more
+        assert_eq!(pace.slices(1000.0, 33.0), 330.0);
+        pace.slice = 0.055;
+        assert_eq!(pace.slices(1000.0, 33.0), 330.0);
+        pace.slice = 5.0;
+        assert_eq!(pace.slices(1000.0, 33.0), FEWEST);
+        assert_eq!(pace.slices(40.0, 33.0), 40.0);
     }
 }

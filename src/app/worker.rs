@@ -283,11 +283,13 @@ impl Painter {
         let shared = self.shared.clone();
         let stale = move || shared.newest.load(Ordering::SeqCst) != generation;
         let factor = if want.other.is_some() { 0.5 } else { 1.0 };
-        let coarse = self.pace.scale(want.size, slices(0.5), f64::from(want.budget) * factor);
+        let budget = f64::from(want.budget) * factor;
+        let coarse = self.pace.coarse(want.size, slices(0.5), budget);
+        let few = self.pace.slices(slices(coarse), budget);
         // an overlay alone needs no new picture: a coarse one would only flicker
         let seen = self.full.as_ref().is_some_and(|full| full.same_picture(want));
         if !seen {
-            self.picture(generation, asked, want, &object, coarse, slices(coarse), want.moving, &|| false)?;
+            self.picture(generation, asked, want, &object, coarse, few, want.moving, &|| false)?;
         }
         if let Some((point, longest)) = want.sections
             && !stale()
@@ -380,8 +382,8 @@ impl Painter {
         moving: bool,
         stop: crate::render::Stop<'_>,
     ) -> Result<(), EvaluateError> {
-        // where slices stand for something slower, they are not the last word
-        let last = scale >= 1.0 && (!moving || want.mode == Mode::Slicing || want.mode == Mode::SlicingExact);
+        // while something moves, slices are few and roughly split even where pixels cost nothing
+        let last = scale >= 1.0 && !moving;
         let size = [want.size.0, want.size.1].map(|n| ((f64::from(n) * scale).round() as u32).max(1));
         let options = ViewOptions {
             size: (size[0], size[1]),
@@ -399,7 +401,7 @@ impl Painter {
         };
         let Some((main, report)) = self.draw(object, &camera, &look, &options, !last, stop)? else { return Ok(()) };
         if !matches!(want.mode, Mode::Tets | Mode::Spline) || !last {
-            self.pace.learn(&report, options.size);
+            self.pace.learn(&report, options.size, !last);
         }
         let other = match want.other {
             None => None,
