@@ -11,11 +11,11 @@ struct Frame {
     light: vec4f,
     // texels along i, j, k; channels
     dims: vec4f,
-    // scale and bias of the window value; the iso-value in window units
+    // scale and bias of the window value; the iso-value in window units; the steepness above which something is seen
     window: vec4f,
     // ambient, diffuse, specular, shininess
     material: vec4f,
-    // linear light
+    // linear light; how fast opacity rises with the steepness
     iso_color: vec4f,
     // sRGB at the top and the bottom
     background: array<vec4f, 2>,
@@ -26,6 +26,7 @@ struct Frame {
 @group(0) @binding(0) var<uniform> frame: Frame;
 
 const TRANSPARENT: u32 = 4u;
+const STEEP: u32 = 16u;
 
 fn linear_from_srgb(v: vec3f) -> vec3f {
     let low = v / 12.92;

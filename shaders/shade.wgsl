@@ -1,13 +1,23 @@
-// Gradient of the deformed field and the light that falls on it.
+// Gradient of the field and the light that falls on it.
 
-// by central differences, in window units per voxel; `jacobian` is dT/dp
-fn gradient(x: vec3f, jacobian: mat3x3f) -> vec3f {
+// over two texels
+fn differences(x: vec3f) -> vec3f {
     let t = object.texel;
-    let d = vec3f(
+    return vec3f(
         value(x + vec3f(t.x, 0.0, 0.0)) - value(x - vec3f(t.x, 0.0, 0.0)),
         value(x + vec3f(0.0, t.y, 0.0)) - value(x - vec3f(0.0, t.y, 0.0)),
         value(x + vec3f(0.0, 0.0, t.z)) - value(x - vec3f(0.0, 0.0, t.z)),
     );
+}
+
+// of the undeformed volume, in window units per voxel
+fn steepness(x: vec3f) -> f32 {
+    return 0.5 * length(differences(x));
+}
+
+// of the deformed field by central differences, in window units per voxel; `jacobian` is dT/dp
+fn gradient(x: vec3f, jacobian: mat3x3f) -> vec3f {
+    let d = differences(x);
     // a vector times a matrix is the transpose times the vector
     return (d * (0.5 * frame.dims.xyz)) * jacobian * frame.light.w;
 }

@@ -53,6 +53,12 @@ fn volume_main(in: Fragment) -> @location(0) vec4f {
     if color.a <= 1e-6 {
         discard;
     }
+    if (frame.size.w & STEEP) != 0u {
+        color *= saturate((steepness(place.front) - frame.window.w) * frame.iso_color.w);
+        if color.a <= 1e-6 {
+            discard;
+        }
+    }
     if RGBA {
         color = vec4f(linear_from_srgb(texels(place.front).rgb) * color.a, color.a);
     }

@@ -154,6 +154,15 @@ fn panels_answer_to_their_names() {
     h.get_by_label("Lit").click();
     h.step();
     assert!(!m(&mut h).desk.as_ref().unwrap().history.document().look.lit);
+    // of volumes only
+    h.get_by_label("Volume").click();
+    h.run_steps(3);
+    h.get_by_label("Gradient opacity").click();
+    h.run_steps(3);
+    assert!(m(&mut h).desk.as_ref().unwrap().history.document().look.gradient_opacity.is_some());
+    h.get_by_role_and_label(egui::accesskit::Role::Slider, "Nothing below");
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    assert!(m(&mut h).desk.as_ref().unwrap().history.document().look.gradient_opacity.is_none());
     // a double click on the curve makes a point, which is a step
     let curve = h.get_by_label("Curve of the transfer function").rect();
     let at = curve.left_top() + Vec2::new(0.37 * curve.width(), 20.0);

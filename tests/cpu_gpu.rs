@@ -208,6 +208,16 @@ fn volume_pictures_agree() {
         },
         Scene { look: Look { lit: false, preintegrated: false, ..base }, ..scene("plain", volume(U8, 1)) },
         Scene { deformed: true, ..scene("rgba", volume(U8, 4)) },
+        Scene {
+            deformed: true,
+            perspective: true,
+            look: Look { gradient_opacity: Some([0.005, 0.04]), ..base },
+            ..scene("opacity by steepness", volume(U16, 1))
+        },
+        Scene {
+            look: Look { gradient_opacity: Some([0.005, 0.04]), lit: false, ..base },
+            ..scene("opacity by steepness, rgba", volume(U8, 4))
+        },
         Scene { look: Look { transparent: true, lit: false, ..base }, ..scene("transparent", volume(U8, 4)) },
     ];
     agree_on(&gpu(), &scenes, 45.0);

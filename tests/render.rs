@@ -126,6 +126,15 @@ impl Reference<'_> {
         ((sum - window[0]) / (window[1] - window[0])).clamp(0.0, 1.0)
     }
 
+    /// What is left of an opacity by the steepness of the undeformed values.
+    fn part_by_steepness(&self, x: DVec3) -> f64 {
+        let Some([from, to]) = self.look.gradient_opacity.map(|g| g.map(f64::from)) else { return 1.0 };
+        let size = self.field.grid.size();
+        let d =
+            DVec3::from([DVec3::X, DVec3::Y, DVec3::Z].map(|e| self.value(x + e / size) - self.value(x - e / size)));
+        ((0.5 * d.length() - from) / (to - from)).clamp(0.0, 1.0)
+    }
+
     /// Factor of the colour and what is added per opacity.
     fn light(&self, x: DVec3, p: DVec3, jacobian: DMat3, surface: bool) -> (f64, f64) {
         let look = self.look;
@@ -182,8 +191,9 @@ impl Reference<'_> {
                 }
                 Shading::Volume => {
                     let e = self.table.lookup(sf as f32, sb as f32).map(f64::from);
-                    if e[3] > 0.0 {
-                        let a = 1.0 - (1.0 - e[3]).powf(stretch);
+                    let part = self.part_by_steepness(front);
+                    if e[3] * part > 0.0 {
+                        let a = 1.0 - (1.0 - e[3] * part).powf(stretch);
                         let (factor, shine) = self.light(front, p, jacobian, false);
                         let through = 1.0 - sum[3];
                         (0..3).for_each(|c| sum[c] += through * (e[c] * a / e[3] * factor + a * shine));
@@ -348,6 +358,23 @@ fn volumes_agree_with_the_reference() {
                 case.agrees(50.0, &format!("{projection:?} {preintegrated} {lit} {gradient:?}"));
             }
         }
+    }
+}
+
+#[test]
+fn opacity_by_steepness_agrees_with_the_reference() {
+    let field = volume([24, 20, 26], tilted(), blob, as_u16);
+    for (i, lit) in [false, true].into_iter().enumerate() {
+        let mut case = Case::new(&field);
+        let plain = case.render();
+        case.look = Look { lit, gradient_opacity: Some([0.02, [0.05, 0.2][i]]), ..case.look };
+        case.agrees(50.0, &format!("steep, lit {lit}"));
+        assert!(case.render() != plain);
+        // everything is steep enough, and nothing
+        case.look = Look { gradient_opacity: Some([-2.0, -1.0]), lit: true, ..case.look };
+        assert_eq!(case.render().pixels, plain.pixels);
+        case.look = Look { gradient_opacity: Some([5.0, 6.0]), transparent: true, ..case.look };
+        assert!(case.render().pixels.iter().all(|p| p[3] == 0));
     }
 }
 

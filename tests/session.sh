@@ -76,7 +76,7 @@ key ctrl+shift+z
 shot redone
 # the transfer function
 click 1180 52; shot look-panel 0.6
-drag 1180 640 20 -30
+drag 1180 668 20 -30
 shot transfer-edited
 # modes, and one against another
 key 2; shot exact 3

@@ -179,7 +179,7 @@ fn edit_menu(m: &mut Modeller, ui: &mut egui::Ui, ctx: &egui::Context) {
 
 fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
     ui.menu_button("View", |ui| {
-        ui.set_min_width(200.0);
+        ui.set_width(280.0);
         for pane in Pane::ALL {
             let mut on = panels::is_open(&m.tree, pane);
             if pane != Pane::View && ui.checkbox(&mut on, pane.name()).clicked() {

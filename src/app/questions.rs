@@ -156,7 +156,8 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
                 ui.heading("Keys");
                 // side by side, so that the whole map fits into a small window
                 ui.set_width(KEYS_WIDTH.min(ctx.content_rect().width() - 80.0));
-                egui::ScrollArea::vertical().max_height(ctx.content_rect().height() - 180.0).show(ui, |ui| {
+                let most = ctx.content_rect().height() - 180.0;
+                egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {
                     ui.columns(2, |columns| {
                         for (column, groups) in columns.iter_mut().zip([&["Tools", "Work"][..], &["View"]]) {
                             for group in groups {
@@ -226,19 +227,22 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
 }
 
 /// Of the map of keys.
-const KEYS_WIDTH: f32 = 860.0;
+const KEYS_WIDTH: f32 = 980.0;
 
 /// The keys of one group.
 fn key_group(ui: &mut egui::Ui, group: &str) {
     ui.add_space(8.0);
     ui.label(RichText::new(group).strong());
-    egui::Grid::new(("keys", group)).num_columns(2).spacing([16.0, 4.0]).min_row_height(20.0).show(ui, |ui| {
-        for (_, key, what) in keys::MAP.iter().filter(|(g, ..)| *g == group) {
-            ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
-            ui.add(egui::Label::new(*what).wrap());
-            ui.end_row();
-        }
-    });
+    for (_, key, what) in keys::MAP.iter().filter(|(g, ..)| *g == group) {
+        ui.horizontal(|ui| {
+            let middle = egui::Layout::left_to_right(egui::Align::Center);
+            ui.allocate_ui_with_layout(egui::vec2(176.0, 20.0), middle, |ui| {
+                ui.set_min_width(176.0);
+                ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
+            });
+            ui.label(*what);
+        });
+    }
 }
 
 fn describe(aside: &super::recovery::Aside) -> String {

@@ -235,7 +235,8 @@ pub fn pick(m: &Modeller, scene: &Scene, rect: Rect, at: Pos2) -> Option<Hit> {
     let size = m.picture_size();
     let ray = Ray::through(&scene.camera, size, navigate::pixels(at - rect.min, rect, size));
     let desk = m.desk.as_ref()?;
-    Probe::new(&scene.object).first(&ray, desk.shown().look.look(scene.object.iso).shading)
+    let look = desk.shown().look.look(scene.object.iso);
+    Probe::new(&scene.object).seeing(&look).first(&ray, look.shading)
 }
 
 /// What a drag with the left button is.

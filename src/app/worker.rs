@@ -323,10 +323,10 @@ impl Painter {
         }
         if want.heat && !stale() {
             let camera = object.camera(&want.document.camera);
-            let shading = want.document.look.look(object.iso).shading;
+            let look = want.document.look.look(object.iso);
             let pixels = f64::from(want.size.0) * f64::from(want.size.1);
             let step = (pixels / HEAT_POINTS).sqrt().max(3.0);
-            if let Some(surface) = HeatSurface::of(&object, &camera, shading, want.size, step, &stale) {
+            if let Some(surface) = HeatSurface::of(&object, &camera, &look, want.size, step, &stale) {
                 self.say(News::Heat(Arc::new(surface)));
             }
         }

@@ -10,7 +10,7 @@ use super::load::Object;
 use super::pick::{Probe, Ray};
 use super::tets::Lattice;
 use crate::mesh::tets::{TetMesh, signed_volume};
-use crate::render::{Camera, Shading, Stop};
+use crate::render::{Camera, Look, Stop};
 
 /// The visible surface as a mesh of a few pixels' step, with the growth at its points.
 #[derive(Debug, Clone, Default)]
@@ -30,13 +30,13 @@ impl HeatSurface {
     pub fn of(
         object: &Object,
         camera: &Camera,
-        shading: Shading,
+        look: &Look,
         size: (u32, u32),
         step: f64,
         stop: Stop<'_>,
     ) -> Option<Self> {
         let (columns, rows) = ((f64::from(size.0) / step) as usize + 1, (f64::from(size.1) / step) as usize + 1);
-        let probe = Probe::new(object);
+        let probe = Probe::new(object).seeing(look);
         let lines: Vec<Option<Vec<Option<DVec3>>>> = (0..rows)
             .into_par_iter()
             .map(|y| {
@@ -45,7 +45,7 @@ impl HeatSurface {
                 }
                 let look = |x: usize| {
                     let at = DVec2::new(x as f64, y as f64) * step;
-                    Some(probe.first(&Ray::through(camera, size, at), shading)?.point)
+                    Some(probe.first(&Ray::through(camera, size, at), look.shading)?.point)
                 };
                 Some((0..columns).map(look).collect())
             })
@@ -135,6 +135,7 @@ mod tests {
     use crate::deform::{Action, Brush, Deformation, Deformer, Falloff};
     use crate::evaluate::geometry::Refinement;
     use crate::evaluate::{load, tets};
+    use crate::render::Shading;
     use crate::scene::{CameraSpec, Document, VolumeSource};
 
     /// A ball that was inflated in its middle, without and with folds.
@@ -152,8 +153,8 @@ mod tests {
     fn the_surface_lies_where_rays_hit_and_tells_the_growth_there() {
         let object = object(0.5);
         let camera = object.camera(&CameraSpec::default());
-        let shading = Shading::Iso { value: object.iso, color: [1.0; 3] };
-        let surface = HeatSurface::of(&object, &camera, shading, (120, 90), 6.0, &|| false).unwrap();
+        let look = &Look { shading: Shading::Iso { value: object.iso, color: [1.0; 3] }, ..Look::default() };
+        let surface = HeatSurface::of(&object, &camera, look, (120, 90), 6.0, &|| false).unwrap();
         assert!(surface.points.len() > 40 && surface.triangles.len() > 40);
         let probe = Probe::new(&object);
         for (p, g) in surface.points.iter().zip(&surface.growth) {
@@ -164,7 +165,7 @@ mod tests {
             let [a, b, c] = t.map(|i| surface.points[i as usize]);
             assert!((b - a).cross(c - a).dot(toward) > 0.0);
         }
-        assert!(HeatSurface::of(&object, &camera, shading, (120, 90), 6.0, &|| true).is_none());
+        assert!(HeatSurface::of(&object, &camera, look, (120, 90), 6.0, &|| true).is_none());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::load::Object;
 use crate::deform::Prepared;
 use crate::math::BackwardMap;
 use crate::mesh::TriMesh;
-use crate::render::{Camera, Projection, Shading};
+use crate::render::{Camera, Look, Projection, Shading};
 use crate::volume::Volume;
 use crate::volume::sampling::Sampler;
 use crate::with_samples;
@@ -91,12 +91,36 @@ pub struct Probe<'a> {
     object: &'a Object,
     map: Prepared,
     voxel_from_world: DAffine3,
+    /// As [`crate::render::Look::gradient_opacity`].
+    steep: Option<[f64; 2]>,
 }
 
 impl<'a> Probe<'a> {
     pub fn new(object: &'a Object) -> Self {
         let voxel_from_world = object.volume.grid.voxel_from_world();
-        Self { object, map: object.stack.prepared(), voxel_from_world }
+        Self { object, map: object.stack.prepared(), voxel_from_world, steep: None }
+    }
+
+    /// With rays that see only what is steep enough, as the look says.
+    #[must_use]
+    pub fn seeing(self, look: &Look) -> Self {
+        Self { steep: look.gradient_opacity.map(|g| g.map(f64::from)), ..self }
+    }
+
+    /// The part of its opacity that a point of the deformed world has by the steepness of the values there.
+    fn by_steepness(&self, point: DVec3) -> f64 {
+        let Some([from, to]) = self.steep else { return 1.0 };
+        let volume = &self.object.volume;
+        let voxel = self.voxel_from_world.transform_point3(self.map.backward(point));
+        let [lo, hi] = self.object.window;
+        // what lies beyond the last voxel is like it
+        let last = volume.grid.size() - 1.0;
+        let value = |v: DVec3| {
+            let real = value(volume, v.clamp(DVec3::ZERO, last)).unwrap_or(lo);
+            ((real - lo) / (hi - lo)).clamp(0.0, 1.0)
+        };
+        let steepness = DVec3::from(DVec3::AXES.map(|e| 0.5 * (value(voxel + e) - value(voxel - e)))).length();
+        ((steepness - from) / (to - from).max(1e-6)).clamp(0.0, 1.0)
     }
 
     /// What is at a point of the deformed world; `None` beyond the volume. The normal is along the gradient.
@@ -154,6 +178,7 @@ impl<'a> Probe<'a> {
                     }
                     Shading::Volume => {
                         let a = opacity(value);
+                        let a = if a > 0.0 { a * self.by_steepness(point) } else { a };
                         let stepped = 1.0 - (1.0 - a).powf(step / finest);
                         if most.is_none_or(|(_, m)| stepped * through > m) && stepped > 2e-3 {
                             most = Some((t, stepped * through));

@@ -18,11 +18,12 @@ pub struct Frame {
     pub light: [f32; 4],
     /// Texels along i, j, k; channels.
     pub dims: [f32; 4],
-    /// Scale and bias of `s = clamp(texel * scale + bias, 0, 1)`; the iso-value in the same units; unused.
+    /// Scale and bias of `s = clamp(texel * scale + bias, 0, 1)`; the iso-value in the same units; the steepness above which
+    /// something is seen, if [`Frame::STEEP`] is set.
     pub window: [f32; 4],
     /// Ambient, diffuse, specular, shininess.
     pub material: [f32; 4],
-    /// Linear-light colour of the iso-surface; unused.
+    /// Linear-light colour of the iso-surface; how fast opacity rises with the steepness.
     pub iso_color: [f32; 4],
     /// sRGB at the top and the bottom of the picture; unused.
     pub background: [[f32; 4]; 2],
@@ -42,6 +43,8 @@ impl Frame {
     pub const TRANSPARENT: u32 = 4;
     /// Flag: the table depends on the value at the back.
     pub const PREINTEGRATED: u32 = 8;
+    /// Flag: opacity by the steepness of the values.
+    pub const STEEP: u32 = 16;
 
     /// The frame of a view. `window` holds the real values shown as 0 and 1; an iso-surface takes the field's whole range
     /// instead, so that no value is clamped.
@@ -71,12 +74,16 @@ impl Frame {
         let [scale, bias] = field.window(window);
         let span = window[1] - window[0];
         let iso = if span > 0.0 { ((iso - window[0]) / span) as f32 } else { f32::INFINITY };
+        let steep = look.gradient_opacity.filter(|_| mode == Self::VOLUME);
+        let [from, rise] = steep.map_or([0.0; 2], |[lo, hi]| [lo, 1.0 / (hi - lo).max(1e-6)]);
+        let [r, g, b, _] = rgb(color.map(linear_from_srgb));
         let mut flags = 0;
         for (set, flag) in [
             (look.lit, Self::LIT),
             (look.gradient == Gradient::Forward, Self::FORWARD),
             (look.transparent, Self::TRANSPARENT),
             (look.preintegrated, Self::PREINTEGRATED),
+            (steep.is_some(), Self::STEEP),
         ] {
             flags |= if set { flag } else { 0 };
         }
@@ -87,9 +94,9 @@ impl Frame {
             axis: vec4(axis, geometry.distance),
             light: vec4(light, field.grid.finest()),
             dims: [size.x, size.y, size.z, field.channels as f32],
-            window: [scale, bias, iso, 0.0],
+            window: [scale, bias, iso, from],
             material: [look.ambient, look.diffuse, look.specular, look.shininess],
-            iso_color: rgb(color.map(linear_from_srgb)),
+            iso_color: [r, g, b, rise],
             background: look.background.map(rgb),
             size: [width, height, mode, flags],
         }

@@ -31,6 +31,9 @@ pub struct Look {
     pub specular: f32,
     pub shininess: f32,
     pub preintegrated: bool,
+    /// Opacity by steepness: nothing is seen where the values change by less than the first, everything where they change by the
+    /// second or more; in parts of the window per voxel of the undeformed volume. Of [`Shading::Volume`].
+    pub gradient_opacity: Option<[f32; 2]>,
     /// sRGB at the top and the bottom of the picture.
     pub background: [[f32; 3]; 2],
     /// Leave the background transparent.
@@ -49,6 +52,7 @@ impl Default for Look {
             specular: 0.25,
             shininess: 24.0,
             preintegrated: true,
+            gradient_opacity: None,
             background: [[0.215, 0.235, 0.262], [0.09, 0.098, 0.11]],
             transparent: false,
         }

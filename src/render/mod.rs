@@ -19,6 +19,9 @@
 //!   stands for the value `i/255`: the coordinate of value s is `(s * 255 + 0.5) / 256`. Entries are linear-light, premultiplied,
 //!   and already for the distance of two slices along the view axis ([`ClassTable`]). Without pre-integration the table is
 //!   constant along its second axis, and `s(back)` need not be sampled.
+//! - *Opacity by steepness* ([`Look::gradient_opacity`]): colour and opacity of the table times
+//!   `clamp((|d| / 2 - from) / (to - from), 0, 1)`, `d` the differences of `s` over two texels along each axis at `front`: a property of
+//!   the undeformed material, so it does not change when that is stretched.
 //! - *Perspective*: a ray that meets the slices at an angle runs through `1/cos` times the distance:
 //!   `a' = 1 - (1 - a)^(1/cos)`, and the colour scales by `a'/a`. The cosine is that of the fragment: `axis . v`, with `v` the
 //!   unit direction from the fragment to the eye.

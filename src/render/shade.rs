@@ -111,9 +111,19 @@ impl Tile {
         let one = F8::splat(m, 1.0);
         let [mut r, mut g, mut b, mut a] =
             if scene.back { across(scene.table, value, behind) } else { along_front(scene.table, value) };
-        let drawn = mask & a.above(INVISIBLE);
+        let mut drawn = mask & a.above(INVISIBLE);
         if drawn == 0 {
             return 0;
+        }
+        if scene.frame.has(Frame::STEEP) {
+            let d = scene.sampler.differences(m, &self.front_at(m, at), drawn);
+            let steepness = dot(d, d).sqrt() * 0.5;
+            let part = ((steepness - scene.frame.window[3]) * scene.frame.iso_color[3]).clamp(0.0, 1.0);
+            (r, g, b, a) = (r * part, g * part, b * part, a * part);
+            drawn &= a.above(INVISIBLE);
+            if drawn == 0 {
+                return 0;
+            }
         }
         let sum_a = F8::at(m, &self.sum[3], at);
         let through = one - sum_a;

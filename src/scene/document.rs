@@ -141,6 +141,10 @@ pub struct LookSpec {
     pub light: DVec3,
     pub forward_gradient: bool,
     pub preintegrated: bool,
+    /// Only where values change is something seen: from the first steepness on, wholly at the second, in parts of the transfer
+    /// function's window per voxel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gradient_opacity: Option<[f64; 2]>,
     /// Number of slices; `None`: one per finest voxel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slices: Option<usize>,
@@ -171,6 +175,7 @@ impl Default for LookSpec {
             light: look.light,
             forward_gradient: false,
             preintegrated: look.preintegrated,
+            gradient_opacity: None,
             slices: None,
             background: None,
         }
@@ -191,6 +196,7 @@ impl LookSpec {
             light: self.light,
             gradient: if self.forward_gradient { Gradient::Forward } else { Gradient::Central },
             preintegrated: self.preintegrated,
+            gradient_opacity: self.gradient_opacity.map(|g| g.map(|v| v as f32)),
             background: self.background.unwrap_or(Look::default().background),
             ..Look::default()
         }

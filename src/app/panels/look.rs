@@ -40,6 +40,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     ui.checkbox(&mut look.lit, "Lit");
     ui.checkbox(&mut look.preintegrated, "Pre-integrated")
         .on_hover_text("Thin layers between two slices are not missed");
+    edges(ui, &mut look);
     row(ui, "Light", |ui, _| light(ui, &mut look.light));
     row(ui, "Slices", |ui, id| {
         let mut all = look.slices.is_none();
@@ -58,6 +59,30 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     clipping(m, ui, document.clip);
     transfer::show(m, ui, &document, &data);
 }
+
+/// Opacity by the gradient: the inside of what is uniform vanishes.
+fn edges(ui: &mut egui::Ui, look: &mut LookSpec) {
+    let mut on = look.gradient_opacity.is_some();
+    let what = "Opacity by how steeply the values change: the inside of what is uniform vanishes, borders stay";
+    ui.add_enabled_ui(look.shading == ShadingSpec::Volume, |ui| {
+        if ui.checkbox(&mut on, "Gradient opacity").on_hover_text(what).changed() {
+            look.gradient_opacity = on.then_some(STEEP);
+        }
+        let Some([from, to]) = &mut look.gradient_opacity else { return };
+        for (name, what, v) in [
+            ("Nothing below", "Steepness below which nothing is seen, in parts of the window per voxel", &mut *from),
+            ("All above", "Steepness at which the opacity is that of the curve", &mut *to),
+        ] {
+            row(ui, name, |ui, id| {
+                ui.add(egui::Slider::new(v, 0.0..=0.3).fixed_decimals(3)).labelled_by(id).on_hover_text(what)
+            });
+        }
+        *to = to.max(*from + 0.001);
+    });
+}
+
+/// Steepness at which borders of tissue show in a scan, in parts of the window per voxel.
+const STEEP: [f64; 2] = [0.01, 0.06];
 
 /// A box along the volume's axes, and a plane that faces the eye when it is set.
 fn clipping(m: &mut Modeller, ui: &mut egui::Ui, before: Clip) {
