@@ -101,7 +101,8 @@ mod tests {
                 let room = Room::first(all, stored, LIMIT);
                 assert!(room.blocks > 0 && u64::from(room.blocks) <= all && room.tets > 0, "{room:?}");
                 assert!(room.bytes().iter().all(|b| *b <= LIMIT && *b > 0), "{room:?}");
-                for (blocks, tets) in [(1, 1), (room.blocks.min(500_000) + 1, 3), (500_000, 1_600_000)] {
+                let most = (LIMIT / MASKS) as u32;
+                for (blocks, tets) in [(1, 1), ((room.blocks + 1).min(most), 3), (500_000, 1_600_000)] {
                     let more = room.grown(blocks, tets, LIMIT).unwrap();
                     assert!(more.blocks >= blocks.max(room.blocks) && more.tets >= tets.max(room.tets), "{more:?}");
                     assert!(more.bytes().iter().all(|b| *b <= LIMIT), "{more:?}");
