@@ -1,4 +1,4 @@
-//! `voxclay`: dispatch only.
+//! `voxclay`: dispatch, and where large blocks of memory come from.
 
 #[cfg(target_os = "linux")]
 mod memory;

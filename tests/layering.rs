@@ -22,6 +22,8 @@ const LAYERS: &[(&str, u8)] = &[
     ("evaluate", 4),
     ("app", 5),
     ("cli", 5),
+    // of the program, not the library
+    ("memory", 6),
 ];
 
 /// Crates that only these modules may name.
