@@ -89,7 +89,7 @@ impl Gizmo {
     fn knob(&self, part: Part) -> Option<Pos2> {
         let at = match part {
             Part::Move(k) => self.center + place::axis(k) * self.length(),
-            Part::Scale(k) => self.center + place::turn(&self.placement).col(k.min(2)) * (BOX * self.length()),
+            Part::Scale(k) => self.center + self.placement.turn().col(k.min(2)) * (BOX * self.length()),
             Part::ScaleAll => self.center,
             Part::Turn(k) => {
                 // in the quarter that is nearest to the eye
@@ -144,7 +144,7 @@ impl Gizmo {
             }
             Part::Turn(k) => self.angle(k, p),
             Part::Scale(k) => {
-                let seen = self.seen(place::turn(&p.start).col(k.min(2)));
+                let seen = self.seen(p.start.turn().col(k.min(2)));
                 let far = BOX * self.length() / p.scale * f64::from(seen.length()).max(0.2);
                 1.0 + f64::from(p.drag.dot(seen.normalized())) / far
             }

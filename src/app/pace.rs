@@ -50,20 +50,22 @@ impl Pace {
     /// The same for coarse pictures: it changes in steps.
     pub fn coarse(&mut self, size: (u32, u32), slices: f64, budget: f64) -> f64 {
         let scale = self.scale(size, slices, budget);
-        if !(self.scale / STEADY..=self.scale * STEADY).contains(&scale) {
-            self.scale = scale;
-        }
-        self.scale
+        steady(&mut self.scale, scale)
     }
 
     /// Of the slices wanted, as many as can be made in half of `budget` milliseconds; this changes in steps, too.
     pub fn slices(&mut self, wanted: f64, budget: f64) -> f64 {
         let slices = wanted.min((0.5 * budget / self.slice).max(FEWEST)).round();
-        if !(self.slices / STEADY..=self.slices * STEADY).contains(&slices) {
-            self.slices = slices;
-        }
-        self.slices
+        steady(&mut self.slices, slices)
     }
+}
+
+/// What was taken last, unless what fits now is too far from it.
+fn steady(taken: &mut f64, fits: f64) -> f64 {
+    if !(*taken / STEADY..=*taken * STEADY).contains(&fits) {
+        *taken = fits;
+    }
+    *taken
 }
 
 #[cfg(test)]

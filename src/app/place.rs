@@ -50,12 +50,6 @@ impl Part {
     }
 }
 
-/// How the mesh is turned.
-pub fn turn(placement: &Placement) -> DMat3 {
-    let r = placement.rotate.map(f64::to_radians);
-    DMat3::from_euler(EulerRot::ZYX, r.z, r.y, r.x)
-}
-
 /// A world axis.
 pub fn axis(k: usize) -> DVec3 {
     DVec3::AXES[k.min(2)]
@@ -67,7 +61,7 @@ pub fn dragged(start: &Placement, part: Part, by: f64) -> Placement {
     match part {
         Part::Move(k) => p.translate += axis(k) * by,
         Part::Turn(k) => {
-            let turned = DMat3::from_quat(DQuat::from_axis_angle(axis(k), by.to_radians())) * turn(start);
+            let turned = DMat3::from_quat(DQuat::from_axis_angle(axis(k), by.to_radians())) * start.turn();
             let (z, y, x) = turned.to_euler(EulerRot::ZYX);
             p.rotate = DVec3::new(x, y, z).map(f64::to_degrees);
         }
@@ -91,10 +85,10 @@ mod tests {
         let start = Placement { rotate: DVec3::new(20.0, -35.0, 50.0), ..Placement::default() };
         for k in 0..3 {
             let once = dragged(&start, Part::Turn(k), 77.0);
-            let want = DMat3::from_axis_angle(axis(k), 77.0_f64.to_radians()) * turn(&start);
-            assert!((turn(&once) - want).to_cols_array().iter().all(|e| e.abs() < 1e-12), "{k}");
+            let want = DMat3::from_axis_angle(axis(k), 77.0_f64.to_radians()) * start.turn();
+            assert!((once.turn() - want).to_cols_array().iter().all(|e| e.abs() < 1e-12), "{k}");
             let back = dragged(&once, Part::Turn(k), -77.0);
-            assert!((turn(&back) - turn(&start)).to_cols_array().iter().all(|e| e.abs() < 1e-12), "{k}");
+            assert!((back.turn() - start.turn()).to_cols_array().iter().all(|e| e.abs() < 1e-12), "{k}");
         }
     }
 

@@ -3,6 +3,8 @@
 //! Inferno (van der Walt and Smith, matplotlib, CC0): from black over purple and orange to a pale yellow, of a lightness
 //! that rises evenly, so that equal steps of a number look like equal steps, also in grey and to the colour-blind.
 
+use crate::volume::transfer::srgb_from_linear;
+
 /// sRGB at 0, 1/17, ..., 1.
 const INFERNO: [[u8; 3]; 18] = [
     [0, 0, 4],
@@ -67,11 +69,7 @@ fn from_oklab([l, a, b]: [f64; 3]) -> [u8; 3] {
         -1.268_438_004_6 * long + 2.609_757_401_1 * medium - 0.341_319_396_5 * short,
         -0.004_196_086_3 * long - 0.703_418_614_7 * medium + 1.707_614_701_0 * short,
     ];
-    linear.map(|v| {
-        let v = v.clamp(0.0, 1.0);
-        let code = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (code * 255.0).round() as u8
-    })
+    linear.map(|v| (srgb_from_linear(v.clamp(0.0, 1.0) as f32) * 255.0).round() as u8)
 }
 
 #[cfg(test)]

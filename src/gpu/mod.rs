@@ -19,6 +19,7 @@
 //! [`shader`], sizes and shared structs are in [`layout`]; both are tested without a GPU. Nothing here panics over what the
 //! device does: every failure is a [`GpuError`].
 
+mod bind;
 pub mod cull;
 mod deform;
 mod device;

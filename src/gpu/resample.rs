@@ -7,6 +7,7 @@
 
 use glam::{DAffine3, DMat4};
 
+use super::bind::{SAMPLES, buffer_type, compute_pipelines};
 use super::deform::MapBuffers;
 use super::layout::{RESAMPLE_GROUP, ResampleUniform, layers_per_chunk, rows_per_chunk, workgroups};
 use super::slicing::buffer;
@@ -69,37 +70,14 @@ impl ResamplePass {
             gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
         };
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: stages, ty, count: None };
-        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-        let job_layout = group("job", &[entry(0, buffer(wgpu::BufferBindingType::Uniform))]);
-        let raw = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: false },
-            view_dimension: wgpu::TextureViewDimension::D3,
-            multisampled: false,
-        };
-        let volume_layout = group("raw volume", &[entry(0, raw)]);
+        let job_layout = group("job", &[entry(0, buffer_type(wgpu::BufferBindingType::Uniform))]);
+        let volume_layout = group("raw volume", &[entry(0, SAMPLES)]);
         let mut pass = MapBuffers::layout(stages).to_vec();
-        pass.push(entry(3, buffer(wgpu::BufferBindingType::Storage { read_only: false })));
-        pass.push(entry(4, buffer(wgpu::BufferBindingType::Storage { read_only: false })));
+        pass.push(entry(3, buffer_type(wgpu::BufferBindingType::Storage { read_only: false })));
+        pass.push(entry(4, buffer_type(wgpu::BufferBindingType::Storage { read_only: false })));
         let pass_layout = group("resample", &pass);
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("resample"),
-            bind_group_layouts: &[Some(&job_layout), Some(&volume_layout), Some(&pass_layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.allocate("a pipeline", 0, || {
-            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some("resample"),
-                source: wgpu::ShaderSource::Wgsl(shader::resample().into()),
-            });
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("resample"),
-                layout: Some(&layout),
-                module: &module,
-                entry_point: Some("resample_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        })?;
+        let groups = [Some(&job_layout), Some(&volume_layout), Some(&pass_layout)];
+        let [pipeline] = compute_pipelines(gpu, &shader::resample(), ["resample_main"], &groups)?;
         Ok(Self { job_layout, volume_layout, pass_layout, pipeline })
     }
 

@@ -1,5 +1,6 @@
 //! From the accumulated picture to pixels, and back to the host.
 
+use super::bind::cleared;
 use super::layout::padded_row;
 use super::slicing::SliceTarget;
 use super::{Gpu, GpuError, shader};
@@ -92,15 +93,7 @@ impl ResolvePass {
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("resolve"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &target.view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[Some(cleared(&target.view))],
             timestamp_writes: timestamps,
             ..Default::default()
         });

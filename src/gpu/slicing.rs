@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::bind::{cleared, cleared_depth};
 use super::cull::Culled;
 use super::layout::grown;
 use super::shader::{Mode, Variant};
@@ -182,23 +183,10 @@ impl SlicingPass {
         counter: Option<&Counter>,
     ) {
         let iso = variant.is_some_and(|(v, _)| v.mode == Mode::Iso);
-        let depth = iso.then_some(wgpu::RenderPassDepthStencilAttachment {
-            view: &target.depth,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Discard }),
-            stencil_ops: None,
-        });
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("slicing"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &target.color,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: depth,
+            color_attachments: &[Some(cleared(&target.color))],
+            depth_stencil_attachment: iso.then(|| cleared_depth(&target.depth)),
             timestamp_writes: timestamps,
             ..Default::default()
         });

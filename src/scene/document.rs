@@ -121,12 +121,16 @@ impl Default for Placement {
 }
 
 impl Placement {
+    /// How the mesh is turned.
+    pub fn turn(&self) -> DMat3 {
+        let r = self.rotate * std::f64::consts::PI / 180.0;
+        DMat3::from_euler(EulerRot::ZYX, r.z, r.y, r.x)
+    }
+
     /// The map from the mesh's coordinates to the world, about `center` (in the mesh's coordinates).
     pub fn world_from_mesh(&self, center: DVec3) -> DAffine3 {
-        let r = self.rotate * std::f64::consts::PI / 180.0;
-        let turn = DMat3::from_euler(EulerRot::ZYX, r.z, r.y, r.x);
         DAffine3::from_translation(center + self.translate)
-            * DAffine3::from_mat3(turn * DMat3::from_diagonal(self.scale))
+            * DAffine3::from_mat3(self.turn() * DMat3::from_diagonal(self.scale))
             * DAffine3::from_translation(-center)
     }
 }

@@ -1,6 +1,7 @@
 //! From an isovalue to lists of tetrahedra.
 
 use super::size::{KINDS, Room, SCAN_CHUNK, blocks};
+use crate::gpu::bind::{SAMPLES, buffer_type, compute_pipelines, group, group_layout};
 use crate::gpu::layout::{SplineHead, SplineLevelUniform, workgroups};
 use crate::gpu::volume::{CHUNK, texture, texture_size, write_layers};
 use crate::gpu::{Gpu, GpuError, layout, shader};
@@ -69,39 +70,6 @@ const DRAWS: u64 = std::mem::offset_of!(SplineHead, draws) as u64;
 /// Bytes of the arguments of a draw.
 pub const DRAW: u64 = 20;
 
-fn entry(binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
-    wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
-}
-
-pub fn buffer_type(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
-    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
-}
-
-pub fn group_layout(
-    gpu: &Gpu,
-    label: &str,
-    visibility: wgpu::ShaderStages,
-    types: &[wgpu::BindingType],
-) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = (0..).zip(types).map(|(i, ty)| entry(i, visibility, *ty)).collect();
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-}
-
-pub fn group(gpu: &Gpu, label: &str, layout: &wgpu::BindGroupLayout, all: &[wgpu::BindingResource]) -> wgpu::BindGroup {
-    let entries: Vec<_> = (0..)
-        .zip(all)
-        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
-        .collect();
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
-}
-
-/// A 3D texture that is loaded, not filtered.
-pub const SAMPLES: wgpu::BindingType = wgpu::BindingType::Texture {
-    sample_type: wgpu::TextureSampleType::Float { filterable: false },
-    view_dimension: wgpu::TextureViewDimension::D3,
-    multisampled: false,
-};
-
 impl Classifier {
     /// # Errors
     /// [`GpuError::Refusal`].
@@ -113,45 +81,24 @@ impl Classifier {
         let own_layout = group_layout(gpu, "spline level", stage, &common);
         let lists_layout = group_layout(gpu, "spline lists", stage, &[write, write]);
         let scan_layout = group_layout(gpu, "spline scan", stage, &[write, write, read]);
-        let make = |source: &str, entries: &[&'static str], layouts: &[Option<&wgpu::BindGroupLayout>]| {
-            gpu.allocate("a pipeline", 0, || {
-                let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(entries[0]),
-                    source: wgpu::ShaderSource::Wgsl(source.into()),
-                });
-                let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                    label: Some(entries[0]),
-                    bind_group_layouts: layouts,
-                    immediate_size: 0,
-                });
-                let pipelines = entries.iter().map(|entry| {
-                    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                        label: Some(entry),
-                        layout: Some(&layout),
-                        module: &module,
-                        entry_point: Some(entry),
-                        compilation_options: wgpu::PipelineCompilationOptions::default(),
-                        cache: None,
-                    })
-                });
-                pipelines.collect::<Vec<_>>()
-            })
-        };
-        let steps = make(
+        let [blocks, list, tets, draws] = compute_pipelines(
+            gpu,
             &shader::spline_classify(),
-            &["blocks_main", "list_main", "tets_main", "draws_main"],
+            ["blocks_main", "list_main", "tets_main", "draws_main"],
             &[Some(&own_layout)],
         )?;
-        let scan = make(shader::spline_scan(), &["reduce_main", "sums_main", "scan_main"], &[Some(&scan_layout)])?;
-        let mut emit = Vec::new();
-        for stored in [false, true] {
-            let layouts = [Some(&own_layout), Some(&lists_layout)];
-            emit.extend(make(&shader::spline_emit(stored), &["emit_main"], &layouts)?);
-        }
-        let miscounted = |_| GpuError::Refusal("a pipeline is missing".into());
-        let [blocks, list, tets, draws] = <[_; 4]>::try_from(steps).map_err(miscounted)?;
-        let scan = <[_; 3]>::try_from(scan).map_err(miscounted)?;
-        let emit = <[_; 2]>::try_from(emit).map_err(miscounted)?;
+        let scan = compute_pipelines(
+            gpu,
+            shader::spline_scan(),
+            ["reduce_main", "sums_main", "scan_main"],
+            &[Some(&scan_layout)],
+        )?;
+        let emit = |stored| {
+            let groups = [Some(&own_layout), Some(&lists_layout)];
+            let [emit] = compute_pipelines(gpu, &shader::spline_emit(stored), ["emit_main"], &groups)?;
+            Ok::<_, GpuError>(emit)
+        };
+        let emit = [emit(false)?, emit(true)?];
         Ok(Self { group_layout: own_layout, lists_layout, scan_layout, blocks, list, tets, draws, emit, scan })
     }
 

@@ -1,7 +1,8 @@
 //! The tetrahedra of a list, drawn, and caps.
 
-use super::classify::{DRAW, Lists, SAMPLES, Samples, buffer_type, group, group_layout};
+use super::classify::{DRAW, Lists, Samples};
 use super::size::{BATCH, KINDS};
+use crate::gpu::bind::{SAMPLES, buffer_type, cleared, cleared_depth, group, group_layout};
 use crate::gpu::layout::SplineViewUniform;
 use crate::gpu::slicing::{ACCUMULATED, DEPTH, SliceTarget};
 use crate::gpu::timing::Counter;
@@ -123,20 +124,8 @@ impl Drawer {
         let own = group(gpu, "spline view", &self.view_layout, &bindings);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("spline"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &target.color,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &target.depth,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Discard }),
-                stencil_ops: None,
-            }),
+            color_attachments: &[Some(cleared(&target.color))],
+            depth_stencil_attachment: Some(cleared_depth(&target.depth)),
             ..Default::default()
         });
         if let Some(counter) = counter {

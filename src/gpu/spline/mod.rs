@@ -33,6 +33,7 @@ mod view;
 
 use std::time::Instant;
 
+use super::bind;
 use super::layout::padded_row;
 use super::resolve::{PixelTarget, ResolvePass};
 use super::slicing::SliceTarget;
@@ -105,15 +106,15 @@ impl SplinePass {
     /// As [`SplinePass::new`].
     pub fn with_limit(gpu: &Gpu, limit: u64) -> Result<Self, GpuError> {
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT;
-        let uniform = classify::buffer_type(wgpu::BufferBindingType::Uniform);
-        let frame_layout = classify::group_layout(gpu, "frame", stages, &[uniform]);
+        let uniform = bind::buffer_type(wgpu::BufferBindingType::Uniform);
+        let frame_layout = bind::group_layout(gpu, "frame", stages, &[uniform]);
         let frame_uniform = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("frame"),
             size: size_of::<Frame>() as u64,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let frame_group = classify::group(gpu, "frame", &frame_layout, &[frame_uniform.as_entire_binding()]);
+        let frame_group = bind::group(gpu, "frame", &frame_layout, &[frame_uniform.as_entire_binding()]);
         let made = Self {
             classifier: Classifier::new(gpu)?,
             drawer: Drawer::new(gpu, &frame_layout)?,

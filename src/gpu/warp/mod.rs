@@ -32,6 +32,7 @@ mod run;
 
 use std::time::Duration;
 
+use super::bind::{buffer_type, compute_pipelines, group_layout};
 use super::layout::WarpTet;
 use super::shader::{self, Texel};
 use super::{Gpu, GpuError};
@@ -131,45 +132,14 @@ impl WarpPass {
     /// # Errors
     /// As [`WarpPass::new`].
     pub fn with_limits(gpu: &Gpu, limits: WarpLimits) -> Result<Self, GpuError> {
-        let group = |label, types: &[wgpu::BindingType]| {
-            let entries: Vec<_> = (0..)
-                .zip(types)
-                .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
-                    binding,
-                    visibility: wgpu::ShaderStages::COMPUTE,
-                    ty: *ty,
-                    count: None,
-                })
-                .collect();
-            gpu.device
-                .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-        };
-        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-        let uniform = buffer(wgpu::BufferBindingType::Uniform);
-        let [read, write] = [true, false].map(|read_only| buffer(wgpu::BufferBindingType::Storage { read_only }));
+        let group = |label, types: &[_]| group_layout(gpu, label, wgpu::ShaderStages::COMPUTE, types);
+        let uniform = buffer_type(wgpu::BufferBindingType::Uniform);
+        let [read, write] = [true, false].map(|read_only| buffer_type(wgpu::BufferBindingType::Storage { read_only }));
         let common_layout = group("warp", &[uniform, read, write]);
         let claim_layout = group("warp claim", &[read, write, write]);
         let sample_layout = group("warp sample", &[read, write]);
         let pipeline = |source: String, entry, groups: &[Option<&wgpu::BindGroupLayout>]| {
-            let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(entry),
-                bind_group_layouts: groups,
-                immediate_size: 0,
-            });
-            gpu.allocate("a pipeline", 0, || {
-                let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(entry),
-                    source: wgpu::ShaderSource::Wgsl(source.into()),
-                });
-                gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(entry),
-                    layout: Some(&layout),
-                    module: &module,
-                    entry_point: Some(entry),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    cache: None,
-                })
-            })
+            compute_pipelines(gpu, &source, [entry], groups).map(|[pipeline]| pipeline)
         };
         let claims = |entry| pipeline(shader::warp_claim(), entry, &[Some(&common_layout), Some(&claim_layout)]);
         let kind = |texel: Texel| -> Result<_, GpuError> {
