@@ -11,7 +11,7 @@ use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, Smooth
 use crate::evaluate::{load, open};
 use crate::io;
 use crate::mesh::tet_map::MapReport;
-use crate::spline::paint::Curvature;
+use crate::spline::paint::{Curvature, Shell};
 
 /// Draw a project or a volume into a PNG file.
 ///
@@ -34,6 +34,21 @@ pub struct Args {
     /// Of --mode spline: what colours the flat caps where clipping cuts.
     #[arg(long, value_enum, default_value = "surface", value_name = "WHAT")]
     caps: CapsArg,
+    /// Of --mode spline: 1 is solid, less lets what is behind the surface through.
+    #[arg(long, default_value_t = 1.0, value_name = "0..1")]
+    opacity: f32,
+    /// Of --mode spline: one more surface, with its isovalue, colour and opacity; may be given several times.
+    #[arg(long, value_parser = shell, value_name = "ISO[,#RRGGBB[,OPACITY]]", allow_hyphen_values = true)]
+    shell: Vec<Shell>,
+    /// Of --mode spline: the surroundings take away ambient light, so that hollows are darker.
+    #[arg(long)]
+    occlusion: bool,
+    /// Of --mode spline: soft shadows.
+    #[arg(long)]
+    shadows: bool,
+    /// Of --mode spline: find the surface through the strokes, instead of resampling the volume first.
+    #[arg(long)]
+    direct: bool,
     /// The picture.
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
@@ -61,12 +76,45 @@ impl Args {
                 CurvatureArg::Gaussian => Curvature::Gaussian,
             }),
             caps: self.caps == CapsArg::Volume,
+            opacity: self.opacity,
+            shells: self.shell.clone(),
+            occlusion: self.occlusion,
+            shadows: self.shadows,
+            direct: self.direct,
         };
         if look != SmoothLook::default() && mode != Mode::Spline {
-            bail!("--curvature and --caps go with --mode spline only");
+            bail!(
+                "--curvature, --caps, --opacity, --shell, --occlusion, --shadows and --direct go with --mode spline only"
+            );
+        }
+        if !(0.0..=1.0).contains(&self.opacity) {
+            bail!("--opacity is {}, not between 0 and 1", self.opacity);
         }
         Ok(look)
     }
+}
+
+/// `ISO[,#RRGGBB[,OPACITY]]`.
+fn shell(text: &str) -> Result<Shell, String> {
+    let wrong =
+        || format!("\"{text}\" is no surface: write ISO, ISO,#RRGGBB or ISO,#RRGGBB,OPACITY, as in 300,#ffcc88,0.4");
+    let mut parts = text.split(',').map(str::trim);
+    let iso = parts.next().and_then(|v| v.parse::<f64>().ok()).filter(|v| v.is_finite()).ok_or_else(wrong)?;
+    let mut color = [0.87, 0.80, 0.70];
+    if let Some(hex) = parts.next() {
+        let digits = hex.strip_prefix('#').filter(|h| h.len() == 6 && h.is_ascii()).ok_or_else(wrong)?;
+        for (c, out) in color.iter_mut().enumerate() {
+            *out = f32::from(u8::from_str_radix(&digits[2 * c..2 * c + 2], 16).map_err(|_| wrong())?) / 255.0;
+        }
+    }
+    let opacity = match parts.next() {
+        Some(v) => v.parse().ok().filter(|v| (0.0..=1.0).contains(v)).ok_or_else(wrong)?,
+        None => 1.0,
+    };
+    if parts.next().is_some() {
+        return Err(wrong());
+    }
+    Ok(Shell { iso, color, opacity })
 }
 
 pub fn run(args: &Args) -> Result<Answer> {

@@ -63,24 +63,8 @@ impl Ray {
 
     /// Distances at which the ray passes through the triangles of a mesh, ascending.
     pub fn crossings(&self, mesh: &TriMesh) -> Vec<f64> {
-        let mut found: Vec<f64> = mesh
-            .triangles
-            .iter()
-            .filter_map(|t| {
-                let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
-                let (e1, e2) = (b - a, c - a);
-                let p = self.direction.cross(e2);
-                let det = e1.dot(p);
-                if det == 0.0 {
-                    return None;
-                }
-                let s = self.origin - a;
-                let u = s.dot(p) / det;
-                let q = s.cross(e1);
-                let v = self.direction.dot(q) / det;
-                (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| e2.dot(q) / det)
-            })
-            .collect();
+        let crossing = |t| mesh.crossing(t, self.origin, self.direction).map(|(at, _)| at);
+        let mut found: Vec<f64> = mesh.triangles.iter().filter_map(crossing).collect();
         found.sort_by(f64::total_cmp);
         found
     }

@@ -50,6 +50,23 @@ impl TriMesh {
         Some(self.positions.iter().fold((first, first), |(lo, hi), p| (lo.min(*p), hi.max(*p))))
     }
 
+    /// Where the line `origin + t * direction` passes through a triangle, and the triangle's normal (twice its area long).
+    #[inline]
+    pub fn crossing(&self, triangle: &[u32; 3], origin: DVec3, direction: DVec3) -> Option<(f64, DVec3)> {
+        let [a, b, c] = triangle.map(|i| self.positions[i as usize]);
+        let (e1, e2) = (b - a, c - a);
+        let p = direction.cross(e2);
+        let det = e1.dot(p);
+        if det == 0.0 {
+            return None;
+        }
+        let s = origin - a;
+        let u = s.dot(p) / det;
+        let q = s.cross(e1);
+        let v = direction.dot(q) / det;
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| (e2.dot(q) / det, e1.cross(e2)))
+    }
+
     /// Every vertex moved by `map`; triangles are turned round if the map mirrors.
     pub fn transformed(&self, map: &DAffine3) -> Self {
         let positions = self.positions.iter().map(|p| map.transform_point3(*p)).collect();

@@ -20,17 +20,20 @@
 //! everything is evaluated in `f64`.
 //!
 //! [`Level`] is one isovalue: which cubes it may pass through, found by the signs of the samples alone, and where rays meet
-//! it. [`paint`] colours it by curvature. [`surface`] makes meshes of it; [`cells`] is the trilinear alternative.
+//! it. [`Through`] is the same seen through a backward map, as the data lie after strokes. [`paint`] colours the surface,
+//! [`occupancy`] shades it by what is around. [`surface`] makes meshes of it; [`cells`] is the trilinear alternative.
 
 pub mod cells;
 mod correct;
 pub mod cubic;
 mod level;
+pub mod occupancy;
 pub mod paint;
 mod piece;
 mod ray;
 pub mod refine;
 pub mod surface;
+mod through;
 
 use glam::{DMat3, DVec3};
 
@@ -42,6 +45,7 @@ use correct::{Padded, Rows};
 pub use level::Level;
 pub use piece::{DOMAIN, Kind, Piece, VERTICES, barycentric};
 pub use ray::{Crossing, Ray};
+pub use through::{Through, ThroughLevel, VoxelMap};
 
 /// Correction steps that are taken if nobody asks for another number: 4 for floating-point samples, which are mostly computed
 /// and as smooth as what they stand for (on the Marschner-Lobb signal the first four steps bring the surface five times as

@@ -76,6 +76,15 @@ impl Colors {
     }
 }
 
+/// One of several surfaces that are shown together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shell {
+    pub iso: f64,
+    pub color: [f32; 3],
+    /// 0 to 1.
+    pub opacity: f32,
+}
+
 /// Colours of a surface, beside its own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Paint {

@@ -59,7 +59,7 @@ impl Level<'_> {
     #[inline]
     pub fn crossings(&self, ray: &Ray, range: [f64; 2], mut found: impl FnMut(f64, Crossing) -> ControlFlow<()>) {
         let dims = self.spline.dims();
-        let Some([start, end]) = clip(ray, dims, range) else { return };
+        let Some([start, end]) = clip_to(ray, dims.map(|n| n as f64), range) else { return };
         let mut walk = Walk::new(self, ray);
         let size = BLOCK as f64;
         let block = Span::of(ray, size);
@@ -89,12 +89,12 @@ impl Level<'_> {
     }
 }
 
-/// The part of a ray in the domain.
-fn clip(ray: &Ray, dims: [usize; 3], range: [f64; 2]) -> Option<[f64; 2]> {
+/// The part of a ray in a box from -1/2 to its size less 1/2.
+pub(super) fn clip_to(ray: &Ray, size: [f64; 3], range: [f64; 2]) -> Option<[f64; 2]> {
     let [mut start, mut end] = range;
     for a in 0..3 {
         let (o, d) = (ray.origin[a], ray.direction[a]);
-        let (lo, hi) = (-0.5, dims[a] as f64 - 0.5);
+        let (lo, hi) = (-0.5, size[a] - 0.5);
         if d == 0.0 {
             if !(lo..=hi).contains(&o) {
                 return None;
@@ -109,7 +109,7 @@ fn clip(ray: &Ray, dims: [usize; 3], range: [f64; 2]) -> Option<[f64; 2]> {
 }
 
 /// A walk through cells of one size.
-struct Span {
+pub(super) struct Span {
     origin: DVec3,
     inverse: DVec3,
     /// -1, 0 or 1.
@@ -119,20 +119,20 @@ struct Span {
 
 impl Span {
     #[inline(always)]
-    fn of(ray: &Ray, size: f64) -> Self {
+    pub(super) fn of(ray: &Ray, size: f64) -> Self {
         let step = ray.direction.to_array().map(|d| if d > 0.0 { 1 } else { -isize::from(d < 0.0) });
         Self { origin: ray.origin, inverse: ray.direction.recip(), step, size }
     }
 
     /// The cell that holds a point, or the nearest one.
     #[inline(always)]
-    fn cell(&self, p: DVec3, lo: [usize; 3], hi: [usize; 3]) -> [usize; 3] {
+    pub(super) fn cell(&self, p: DVec3, lo: [usize; 3], hi: [usize; 3]) -> [usize; 3] {
         std::array::from_fn(|a| (((p[a] + 0.5) / self.size).max(0.0) as usize).clamp(lo[a], hi[a] - 1))
     }
 
     /// Where the ray leaves a cell, and along which axis.
     #[inline(always)]
-    fn exit(&self, at: [usize; 3]) -> (f64, usize) {
+    pub(super) fn exit(&self, at: [usize; 3]) -> (f64, usize) {
         let mut best = (f64::INFINITY, 0);
         for a in 0..3 {
             if self.step[a] != 0 {
@@ -148,7 +148,7 @@ impl Span {
 
     /// Goes to the next cell; `false` if that lies outside.
     #[inline(always)]
-    fn advance(&self, at: &mut [usize; 3], axis: usize, lo: [usize; 3], hi: [usize; 3]) -> bool {
+    pub(super) fn advance(&self, at: &mut [usize; 3], axis: usize, lo: [usize; 3], hi: [usize; 3]) -> bool {
         let next = at[axis].wrapping_add_signed(self.step[axis]);
         at[axis] = next;
         next >= lo[axis] && next < hi[axis]
@@ -156,7 +156,7 @@ impl Span {
 }
 
 /// A ray on its way.
-struct Walk<'a> {
+pub(super) struct Walk<'a> {
     spline: &'a Spline,
     level: &'a Level<'a>,
     ray: &'a Ray,
@@ -164,11 +164,11 @@ struct Walk<'a> {
     /// Inverse speeds towards the diagonal planes: `x = y`, `y = z`, `z = x`, then with a minus.
     diagonals: [f64; 6],
     /// On which side the ray is; `None` before it has begun.
-    above: Option<bool>,
+    pub(super) above: Option<bool>,
 }
 
 impl<'a> Walk<'a> {
-    fn new(level: &'a Level<'_>, ray: &'a Ray) -> Self {
+    pub(super) fn new(level: &'a Level<'_>, ray: &'a Ray) -> Self {
         let d = ray.direction;
         let diagonals = [d.x - d.y, d.y - d.z, d.z - d.x, d.x + d.y, d.y + d.z, d.z + d.x].map(|v| -1.0 / v);
         let cubes = Span::of(ray, 1.0);
@@ -176,14 +176,19 @@ impl<'a> Walk<'a> {
     }
 
     /// Sets the side the ray begins on; `false` if nothing more is wanted.
-    fn begin(&mut self, above: bool, t: f64, found: &mut impl FnMut(f64, Crossing) -> ControlFlow<()>) -> bool {
+    pub(super) fn begin(
+        &mut self,
+        above: bool,
+        t: f64,
+        found: &mut impl FnMut(f64, Crossing) -> ControlFlow<()>,
+    ) -> bool {
         self.above = Some(above);
         !above || found(t, Crossing::Start).is_continue()
     }
 
     /// Through the cubes of a block, for `t` from `from` to `end`.
     #[inline(always)]
-    fn block(
+    pub(super) fn block(
         &mut self,
         block: [usize; 3],
         from: f64,

@@ -1,0 +1,330 @@
+//! The iso-surface of an object as a picture: by rays on the CPU, by tetrahedra on the GPU.
+
+mod inside;
+mod look;
+mod moved;
+mod rays;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::EvaluateError;
+use super::load::Object;
+use super::picture::{PictureReport, ViewOptions};
+use super::surface::{sculpted, since, steps};
+use crate::deform::Stack;
+use crate::gpu::{Coefficients, Gpu, GpuError, SplinePass, SplineView};
+use crate::mesh::TriMesh;
+use crate::render::{Camera, Frame, Look, Picture, Projection, Shading, SliceGeometry, Stop};
+use crate::scene::CutPlane;
+use crate::spline::occupancy::{Occupancy, Seen};
+use crate::spline::paint::{Paint, Shell};
+use crate::spline::{Spline, Through};
+use crate::volume::{Grid, Volume};
+use inside::Inside;
+use rays::{Data, Scene, View};
+
+pub use look::SmoothLook;
+
+/// The spline of an object, kept from picture to picture: another view or isovalue needs no new one.
+#[derive(Debug)]
+struct Smooth {
+    made_of: MadeOf,
+    /// What is seen lies in its voxels.
+    grid: Grid,
+    spline: Arc<Spline>,
+    /// The strokes, if the spline is that of the undeformed volume.
+    through: Option<Through>,
+    occupancy: Option<Filled>,
+}
+
+/// How full space is, and for what.
+#[derive(Debug)]
+struct Filled {
+    /// Isovalues and opacities.
+    shells: Vec<(f64, f32)>,
+    clip: Vec<CutPlane>,
+    /// Where rays look for it themselves.
+    mesh: Option<TriMesh>,
+    occupancy: Occupancy,
+}
+
+/// What a spline depends on.
+#[derive(Debug, Clone)]
+struct MadeOf {
+    volume: Arc<Volume>,
+    stack: Stack,
+    mesh: Option<TriMesh>,
+    steps: u32,
+    direct: bool,
+}
+
+impl MadeOf {
+    fn new(object: &Object, corrections: Option<u32>, direct: bool) -> Self {
+        Self {
+            volume: object.volume.clone(),
+            stack: object.stack.clone(),
+            // rays look for the mesh themselves
+            mesh: (object.shaped && !direct).then(|| object.mesh.clone()),
+            steps: steps(object, corrections),
+            direct,
+        }
+    }
+
+    fn same(&self, other: &Self) -> bool {
+        self.same_volume(other) && (&self.stack, &self.mesh, self.direct) == (&other.stack, &other.mesh, other.direct)
+    }
+
+    fn same_volume(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.volume, &other.volume) && self.steps == other.steps
+    }
+}
+
+impl Smooth {
+    /// `rest`: the spline of the undeformed volume, if it is there.
+    fn new(object: &Object, made_of: MadeOf, rest: Option<Arc<Spline>>) -> Result<Self, EvaluateError> {
+        let channel = object.volume.channels - 1;
+        if made_of.direct {
+            let spline = rest.unwrap_or_else(|| Arc::new(Spline::of_volume(&object.volume, channel, made_of.steps)));
+            let (through, grid) = moved::through(object, Arc::clone(&spline))?;
+            return Ok(Self { grid, spline, through: Some(through), made_of, occupancy: None });
+        }
+        let volume = sculpted(object)?;
+        let spline = Arc::new(Spline::of_volume(&volume, channel, made_of.steps));
+        Ok(Self { grid: volume.grid, spline, through: None, made_of, occupancy: None })
+    }
+
+    /// How full space is, for some surfaces.
+    fn occupancy(&mut self, object: &Object, shells: &[Shell]) -> &Occupancy {
+        let key: Vec<_> = shells.iter().map(|s| (s.iso, s.opacity)).collect();
+        let mesh = (self.through.is_some() && object.shaped).then(|| object.mesh.clone());
+        let kept =
+            self.occupancy.take().filter(|kept| kept.shells == key && kept.clip == object.clip && kept.mesh == mesh);
+        let kept = kept.unwrap_or_else(|| {
+            let occupancy = match &self.through {
+                None => {
+                    let seen = |_, middle| object.clip.iter().all(|plane| plane.beyond(middle) <= 0.0);
+                    let seen: Option<Seen<'_>> = if object.clip.is_empty() { None } else { Some(&seen) };
+                    Occupancy::new(&self.spline, &self.grid, &key, seen)
+                }
+                Some(_) => moved::occupancy(object, &self.spline, &self.grid, &key),
+            };
+            Filled { shells: key, clip: object.clip.clone(), mesh, occupancy }
+        });
+        &self.occupancy.insert(kept).occupancy
+    }
+}
+
+/// What pictures leave behind for the next one.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    smooth: Option<Smooth>,
+    pass: Option<SplinePass>,
+    /// Whether the pass has the spline.
+    uploaded: bool,
+    pub look: SmoothLook,
+}
+
+impl Kept {
+    /// Makes the spline, unless the one that was kept is still right.
+    fn renew(&mut self, object: &Object, corrections: Option<u32>) -> Result<(), EvaluateError> {
+        let deformed = object.stack.active().next().is_some() || object.shaped;
+        let made_of = MadeOf::new(object, corrections, self.look.direct && deformed);
+        if self.smooth.as_ref().is_none_or(|kept| !kept.made_of.same(&made_of)) {
+            let old = self.smooth.take();
+            self.uploaded = false;
+            // a stroke does not change what lies under it
+            let rest = old.filter(|s| s.through.is_some() && s.made_of.same_volume(&made_of)).map(|s| s.spline);
+            self.smooth = Some(Smooth::new(object, made_of, rest)?);
+        }
+        Ok(())
+    }
+}
+
+/// A picture of the spline's iso-surface. Where the look is not that of an iso-surface, the value that separates the object
+/// from its surroundings is shown. What was kept is used where it is right.
+///
+/// # Errors
+/// If the view has no direction, the object cannot be resampled, or the GPU fails.
+pub(super) fn picture(
+    kept: &mut Kept,
+    gpu: Option<&Gpu>,
+    object: &Object,
+    camera: &Camera,
+    look: &Look,
+    options: &ViewOptions,
+    stop: Stop<'_>,
+) -> Result<Option<(Picture, PictureReport)>, EvaluateError> {
+    let started = Instant::now();
+    let look = match look.shading {
+        Shading::Iso { .. } => Look { transparent: options.transparent, ..*look },
+        _ => Look {
+            shading: Shading::Iso { value: object.iso, color: [0.87, 0.80, 0.70] },
+            transparent: options.transparent,
+            ..*look
+        },
+    };
+    let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
+    kept.renew(object, options.corrections)?;
+    let Kept { smooth: Some(smooth), pass, uploaded, look: smooth_look } = kept else {
+        return Err(EvaluateError::View);
+    };
+    let (frame, mut view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
+    view.paint = smooth_look.paint(object, &smooth.grid);
+    if stop() {
+        return Ok(None);
+    }
+    let mut report = PictureReport {
+        slices: 0,
+        triangles: 0,
+        fragments: None,
+        tets: None,
+        warnings: Vec::new(),
+        backend: "cpu",
+        device: format!("cpu, {} threads", rayon::current_num_threads()),
+        ms_geometry: 0.0,
+        ms_draw: 0.0,
+        ms_total: 0.0,
+    };
+    let [r, g, b, _] = frame.iso_color;
+    let shells = smooth_look.all((iso, [r, g, b]));
+    let mut drawn = None;
+    if let Some(gpu) = gpu {
+        if smooth_look.on_cpu_only() {
+            report.warnings.push("the surface was drawn on the CPU: the graphics adapter draws one solid surface, without shade from around".into());
+        } else {
+            match on_gpu(gpu, pass, uploaded, &smooth.spline, &mut report, |pass| pass.draw(gpu, &frame, &view, iso)) {
+                Ok(picture) => drawn = Some(picture),
+                Err(error) => report.warnings.push(instead(error)?),
+            }
+        }
+    }
+    let picture = match drawn {
+        Some(picture) => picture,
+        None => {
+            let shaded = smooth_look.occlusion || smooth_look.shadows;
+            if shaded {
+                smooth.occupancy(object, &shells);
+            }
+            let occupancy = smooth.occupancy.as_ref().filter(|_| shaded).map(|kept| &kept.occupancy);
+            let inside = (smooth.through.is_some() && object.shaped)
+                .then(|| Inside::new(&object.mesh, &view.clip_from_world, options.size));
+            let looked = View {
+                voxel_from_world: match &smooth.through {
+                    Some(_) => object.volume.grid.voxel_from_world(),
+                    None => smooth.grid.voxel_from_world(),
+                },
+                eye: view.eye,
+                to_eye: view.to_eye,
+                light: (camera.axes() * look.light).try_normalize().unwrap_or(camera.to_eye()),
+                clip: &object.clip,
+                inside: inside.as_ref(),
+                paint: &view.paint,
+                occlusion: occupancy.filter(|_| smooth_look.occlusion),
+                shadows: occupancy.filter(|_| smooth_look.shadows),
+            };
+            let map = moved::derivative(object);
+            let data = match &smooth.through {
+                Some(through) => Data::Moved(through, &map),
+                None => Data::Still(&smooth.spline),
+            };
+            let scene = Scene::new(&data, &shells, &frame, &looked, view.clip_from_world.inverse());
+            report.ms_geometry = since(started);
+            let (picture, hits) = scene.picture(stop);
+            report.fragments = Some(hits);
+            picture
+        }
+    };
+    if stop() {
+        return Ok(None);
+    }
+    report.ms_total = since(started);
+    report.ms_draw = report.ms_total - report.ms_geometry;
+    Ok(Some((picture, report)))
+}
+
+/// What both renderers need of a view of a spline over a grid.
+///
+/// # Errors
+/// If the view has no direction.
+pub(super) fn frame_and_view(
+    object: &Object,
+    grid: &Grid,
+    camera: &Camera,
+    look: &Look,
+    (width, height): (u32, u32),
+) -> Result<(Frame, SplineView), EvaluateError> {
+    let clip_from_world = camera.clip_from_world(width, height);
+    if !clip_from_world.is_finite() || clip_from_world.determinant() == 0.0 {
+        return Err(EvaluateError::View);
+    }
+    // the light, the material and the background are those of slices, whose geometry plays no part
+    let geometry = SliceGeometry { center: DVec3::ZERO, distance: grid.finest(), ..SliceGeometry::default() };
+    let view = SplineView {
+        clip_from_world,
+        world_from_voxel: grid.world_from_voxel,
+        eye: match camera.projection {
+            Projection::Orthographic => None,
+            Projection::Perspective { .. } => Some(camera.eye()),
+        },
+        to_eye: camera.to_eye(),
+        cuts: object.clip.iter().map(|plane| [plane.point, plane.normal]).collect(),
+        size: [width, height],
+        paint: Paint::default(),
+    };
+    Ok((Frame::new(camera, look, &object.field, object.window, &geometry, width, height), view))
+}
+
+/// Draws with a pass that has the spline.
+fn on_gpu(
+    gpu: &Gpu,
+    pass: &mut Option<SplinePass>,
+    uploaded: &mut bool,
+    spline: &Spline,
+    report: &mut PictureReport,
+    draw: impl Fn(&mut SplinePass) -> Result<Picture, GpuError>,
+) -> Result<Picture, GpuError> {
+    let started = Instant::now();
+    let pass = match pass {
+        Some(pass) => pass,
+        none => none.insert(SplinePass::new(gpu)?),
+    };
+    if !*uploaded {
+        // a larger surface may have needed the other way before
+        pass.set_coefficients(Coefficients::Stored);
+        pass.set_spline(gpu, spline)?;
+        *uploaded = true;
+    }
+    report.ms_geometry = since(started);
+    let picture = match draw(pass) {
+        // coefficients take 20 times the room of a list
+        Err(GpuError::TooLarge { .. }) if pass.coefficients() == Coefficients::Stored => {
+            pass.set_coefficients(Coefficients::OnTheFly);
+            draw(pass)?
+        }
+        drawn => drawn?,
+    };
+    report.backend = "gpu";
+    report.device = gpu.name();
+    report.fragments = pass.fragments();
+    report.triangles = 4 * pass.load().tets as usize;
+    Ok(picture)
+}
+
+/// Why the CPU draws what the GPU has no room for.
+///
+/// # Errors
+/// Everything else that may have gone wrong.
+fn instead(error: GpuError) -> Result<String, GpuError> {
+    match error {
+        GpuError::TooLarge { what, size, limit } if what != "a picture" => Ok(format!(
+            "the surface was drawn on the CPU: {what} of {size} is larger than the {limit} that the graphics adapter allows"
+        )),
+        GpuError::OutOfMemory { what, bytes } => Ok(format!(
+            "the surface was drawn on the CPU: the graphics adapter has no memory left for {what} ({bytes} bytes)"
+        )),
+        other => Err(other),
+    }
+}
