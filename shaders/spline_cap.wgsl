@@ -55,7 +55,7 @@ fn cap(at: vec2f) -> Cap {
     }
     found.met = true;
     found.hit.to_eye = -normalize(view.world_from_voxel * ray.direction);
-    found.hit.color = frame.iso_color.rgb;
+    found.hit.color = view.shell.rgb;
     var normal = vec3f(0.0);
     if range.start > entry {
         let n = view.normals[range.plane];
@@ -68,6 +68,7 @@ fn cap(at: vec2f) -> Cap {
     }
     found.hit.normal = faced(normal, found.hit.to_eye);
     found.hit.depth = ray.depth + start;
+    found.hit.place = place;
     return found;
 }
 

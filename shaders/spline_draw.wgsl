@@ -240,6 +240,7 @@ fn find(t: Corner) -> Found {
         start = max(start, range.start);
         end = min(end, range.end);
     }
+    start = max(start, layer_before(t.position.xy) - ray.depth);
     if !(start < end) {
         return found;
     }
@@ -251,7 +252,17 @@ fn find(t: Corner) -> Found {
     let pq = linear(at_p, q);
     let qq = linear(at_q, q);
     let b = vec4f(dot(pp, p), dot(pp, q), dot(pq, q), dot(qq, q));
-    let u = rise(b, 1e-6 * max(max(abs(b.x), abs(b.y)), max(abs(b.z), abs(b.w))));
+    let slack = 1e-6 * max(max(abs(b.x), abs(b.y)), max(abs(b.z), abs(b.w)));
+    var u = -1.0;
+    if view.peel.x == 0.0 {
+        u = rise(b, slack);
+    } else if abs(b.x) <= slack {
+        // what is met twice has the same depth
+        u = 0.0;
+    } else {
+        // layers are behind, too
+        u = rise(select(b, -b, b.x > 0.0), slack);
+    }
     if u < 0.0 {
         return found;
     }
@@ -264,7 +275,7 @@ fn find(t: Corner) -> Found {
     found.met = true;
     found.hit.to_eye = -normalize(view.world_from_voxel * ray.direction);
     found.hit.normal = faced(view.covariant * gradient, found.hit.to_eye);
-    found.hit.color = frame.iso_color.rgb;
+    found.hit.color = view.shell.rgb;
     if view.tint.x != 0.0 {
         // derivatives along the local axes, three times smaller than they are
         let h = mat3x3f(slopes(linear(left, AXIS_U)), slopes(linear(left, AXIS_V)), slopes(linear(left, AXIS_W)));
@@ -274,6 +285,7 @@ fn find(t: Corner) -> Found {
         found.hit.color = mix(found.hit.color, end, min(abs(strength), 1.0));
     }
     found.hit.depth = ray.depth + here;
+    found.hit.place = t.center + (ray.origin + here * ray.direction);
     found.depth = buffer_depth(found.hit.depth);
     return found;
 }

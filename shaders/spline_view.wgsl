@@ -30,12 +30,26 @@ struct View {
     negative: vec4f,
     // place in the table from a value less the isovalue: factor and summand
     window: vec4f,
+    // of the surface, linear light; opacity
+    shell: vec4f,
+    // layers: 1 if only what lies behind the layer before is drawn; by how many voxels; the last two are unused
+    peel: vec4f,
+    // 1 if the surroundings take away ambient light, 1 if the light; size of a cell in the world; unused
+    shade: vec4f,
+    // `[0, 1]^3` over all cells from a voxel that is counted from the corner of the first
+    unit: vec4f,
     caps: array<vec4f, 256>,
 }
 
 @group(1) @binding(0) var<uniform> view: View;
 // with one more sample on every side
 @group(1) @binding(1) var samples: texture_3d<f32>;
+
+// of the layer before
+@group(1) @binding(5) var before: texture_depth_2d;
+// how full space is, finest level first
+@group(1) @binding(6) var occupancy: texture_3d<f32>;
+@group(1) @binding(7) var between: sampler;
 
 const LIT_FLAG: u32 = 1u;
 
@@ -127,6 +141,8 @@ struct Hit {
     color: vec3f,
     // along the ray from the plane across the view, in voxels
     depth: f32,
+    // in voxels
+    place: vec3f,
 }
 
 // turned to the eye, or the direction to the eye where there is none
@@ -143,16 +159,91 @@ fn buffer_depth(depth: f32) -> f32 {
     return clamp(0.5 + depth * view.iso.z, 0.0, 1.0);
 }
 
-// as the surfaces of slices are lit
+// where on the ray of a pixel the layer before is; far in front of everything if there is none
+fn layer_before(at: vec2f) -> f32 {
+    if view.peel.x == 0.0 {
+        return -1e30;
+    }
+    let depth = textureLoad(before, vec2i(at), 0);
+    return select((depth - 0.5) / view.iso.z + view.peel.y, -1e30, depth <= 0.0);
+}
+
+// as `spline::occupancy`
+fn full(at: vec3f, level: f32) -> f32 {
+    if any(at < vec3f(0.0)) || any(at > vec3f(1.0)) {
+        return 0.0;
+    }
+    return textureSampleLevel(occupancy, between, at, clamp(level, 0.0, f32(LEVELS - 1))).x;
+}
+
+// a direction in the world, one cell long, in units
+fn cell_step(direction: vec3f) -> vec3f {
+    // a vector times a matrix is the transpose times the vector
+    return ((direction * view.shade.z) * view.covariant) * view.unit.xyz;
+}
+
+fn ambient_light(start: vec3f, normal: vec3f) -> f32 {
+    var open = 0.0;
+    var all = 0.0;
+    for (var i = 0; i < 12; i++) {
+        let direction = DIRECTIONS[i];
+        let weight = dot(normal, direction);
+        if weight <= 0.0 {
+            continue;
+        }
+        let step = cell_step(direction);
+        var through = 1.0;
+        var distance = 1.0;
+        for (var k = 0; k < STEPS; k++) {
+            let near = 1.0 - f32(k) / f32(STEPS);
+            through *= 1.0 - near * full(start + distance * step, log2(distance));
+            distance *= GROWTH;
+        }
+        open += weight * through;
+        all += weight;
+    }
+    return min(open / (all * FLAT), 1.0);
+}
+
+fn direct_light(start: vec3f, light: vec3f) -> f32 {
+    let step = cell_step(light);
+    var through = 1.0;
+    var distance = 1.0;
+    for (var i = 0; i < SHADOW_STEPS; i++) {
+        let at = start + distance * step;
+        if any(at < vec3f(0.0)) || any(at > vec3f(1.0)) || through < 0.01 {
+            break;
+        }
+        let width = max(PENUMBRA * distance, 1.0);
+        through *= 1.0 - full(at, log2(width));
+        distance += 0.7 * width;
+    }
+    return through;
+}
+
+// as the surfaces of slices are lit, less what the surroundings take away; premultiplied
 fn shaded(hit: Hit) -> vec4f {
-    let color = hit.color;
+    let opacity = view.shell.a;
     if (frame.size.w & LIT_FLAG) == 0u {
-        return vec4f(color, 1.0);
+        return vec4f(hit.color * opacity, opacity);
     }
     let light = frame.light.xyz;
     let both = light + hit.to_eye;
     let half_way = select(normalize(both), hit.to_eye, dot(both, both) == 0.0);
-    let diffuse = max(dot(hit.normal, light), 0.0);
-    let specular = pow(max(dot(hit.normal, half_way), 1e-6), frame.material.w);
-    return vec4f(color * (frame.material.x + frame.material.y * diffuse) + frame.material.z * specular, 1.0);
+    var diffuse = max(dot(hit.normal, light), 0.0);
+    var specular = pow(max(dot(hit.normal, half_way), 1e-6), frame.material.w);
+    var ambient = 1.0;
+    let start = (hit.place + 0.5) * view.unit.xyz + OFFSET * cell_step(hit.normal);
+    if view.shade.y != 0.0 && diffuse > 0.0 {
+        let lit = direct_light(start, light);
+        diffuse *= lit;
+        specular *= lit;
+    }
+    if view.shade.x != 0.0 {
+        let open = ambient_light(start, hit.normal);
+        ambient = open * open;
+        diffuse *= 0.3 + 0.7 * open;
+    }
+    let color = hit.color * (frame.material.x * ambient + frame.material.y * diffuse) + frame.material.z * specular;
+    return vec4f(color * opacity, opacity);
 }

@@ -45,6 +45,7 @@ fn the_other_passes_are_valid() {
     validate("spline scan", shader::spline_scan());
     validate("spline classify", &shader::spline_classify());
     validate("spline cap", &shader::spline_cap());
+    validate("spline layer", shader::spline_layer());
     for stored in [false, true] {
         validate("spline emit", &shader::spline_emit(stored));
         validate("spline draw", &shader::spline_draw(stored));
@@ -95,6 +96,7 @@ fn shared_structs_lie_as_in_rust() {
     for source in [shader::spline_draw(false), shader::spline_cap()] {
         same_layout!(source, "View", SplineViewUniform:
             clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
-            eye_low, dims, iso, planes, normals, tint, positive, negative, window, caps);
+            eye_low, dims, iso, planes, normals, tint, positive, negative, window, shell,
+            peel, shade, unit, caps);
     }
 }

@@ -179,6 +179,14 @@ pub struct SplineViewUniform {
     pub negative: [f32; 4],
     /// Place in the table from a value less the isovalue: factor and summand; the rest is unused.
     pub window: [f32; 4],
+    /// Linear colour of the surface, and its opacity.
+    pub shell: [f32; 4],
+    /// 1 if only what lies behind the layer before is drawn; by how many voxels; the rest is unused.
+    pub peel: [f32; 4],
+    /// 1 if the surroundings take away ambient light, 1 if the light; size of a cell; the fourth is unused.
+    pub shade: [f32; 4],
+    /// `[0, 1]^3` over all cells of the occupancy from a voxel.
+    pub unit: [f32; 4],
     pub caps: [[f32; 4]; SPLINE_COLORS],
 }
 

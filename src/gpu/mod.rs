@@ -39,6 +39,6 @@ pub use device::{Capabilities, Gpu, Preference};
 pub use error::GpuError;
 pub use renderer::Renderer;
 pub use resample::{ResampleError, ResampleJob, ResamplePass, ResampleTally};
-pub use spline::{Coefficients, SplineLoad, SplinePass, SplineView};
+pub use spline::{Coefficients, Shade, SplineLoad, SplinePass, SplineView};
 pub use timing::Timings;
 pub use warp::{WarpGpuError, WarpLimits, WarpPass};

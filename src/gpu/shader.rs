@@ -25,6 +25,7 @@ const SPLINE_VIEW: &str = include_str!("../../shaders/spline_view.wgsl");
 const SPLINE_TEXELS: &str = include_str!("../../shaders/spline_texels.wgsl");
 const SPLINE_DRAW: &str = include_str!("../../shaders/spline_draw.wgsl");
 const SPLINE_CAP: &str = include_str!("../../shaders/spline_cap.wgsl");
+const SPLINE_LAYER: &str = include_str!("../../shaders/spline_layer.wgsl");
 const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
 const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
 
@@ -156,10 +157,27 @@ pub fn spline_emit(stored: bool) -> String {
 
 /// The shader that draws them; `stored`: with the coefficients that were listed.
 pub fn spline_draw(stored: bool) -> String {
-    format!("const STORED: bool = {stored};\n{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DRAW}")
+    let cones = cones();
+    format!("const STORED: bool = {stored};\n{cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DRAW}")
 }
 
 /// The shader that draws caps.
 pub fn spline_cap() -> String {
-    [COMMON, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
+    [&cones(), COMMON, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
+}
+
+/// The shader that puts layers of surfaces together.
+pub fn spline_layer() -> &'static str {
+    SPLINE_LAYER
+}
+
+/// What both renderers know of the cones that shade surfaces.
+fn cones() -> String {
+    use crate::spline::occupancy::{DIRECTIONS, FLAT, GROWTH, LEVELS, OFFSET, PENUMBRA, SHADOW_STEPS, STEPS};
+    let directions = DIRECTIONS.map(|[x, y, z]| format!("vec3f({x:?}, {y:?}, {z:?})")).join(", ");
+    format!(
+        "const LEVELS: i32 = {LEVELS};\nconst DIRECTIONS = array<vec3f, 12>({directions});\nconst OFFSET: f32 = {OFFSET:?};\n\
+         const STEPS: i32 = {STEPS};\nconst GROWTH: f32 = {GROWTH:?};\nconst FLAT: f32 = {FLAT:?};\n\
+         const PENUMBRA: f32 = {PENUMBRA:?};\nconst SHADOW_STEPS: i32 = {SHADOW_STEPS};\n"
+    )
 }

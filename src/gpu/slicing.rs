@@ -128,7 +128,7 @@ impl SliceTarget {
         gpu.allocate("a picture", u64::from(width) * u64::from(height) * u64::from(texel), || {
             let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
             let color = texture("accumulated", format, usage);
-            let depth = texture("depth", DEPTH, wgpu::TextureUsages::empty());
+            let depth = texture("depth", DEPTH, wgpu::TextureUsages::TEXTURE_BINDING);
             Self {
                 color: color.create_view(&wgpu::TextureViewDescriptor::default()),
                 depth: depth.create_view(&wgpu::TextureViewDescriptor::default()),

@@ -11,6 +11,7 @@ use crate::evaluate::smooth;
 use crate::gpu::{Coefficients, Gpu, GpuError, Preference, SplinePass};
 use crate::render::{Camera, Look, Shading};
 use crate::scene::{CameraSpec, Document};
+use crate::spline::paint::Shell;
 use crate::spline::{self, Level, Spline};
 
 /// One way to a picture of an iso-surface.
@@ -208,7 +209,7 @@ fn draw(
     match (tool, gpu) {
         (Tool::Pass(pass), Some(gpu)) => {
             let (frame, view) = smooth::frame_and_view(object, &object.volume.grid, camera, &look, size)?;
-            pass.draw(gpu, &frame, &view, iso)?;
+            pass.draw(gpu, &frame, &view, &[Shell { iso, color: [0.7; 3], opacity: 1.0 }])?;
         }
         (Tool::Renderer(renderer, mode), _) => {
             let options = ViewOptions {

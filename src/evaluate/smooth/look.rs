@@ -50,11 +50,6 @@ impl SmoothLook {
         Paint { curvature, caps: self.caps.then(|| Colors { table: table(), range: object.window }) }
     }
 
-    /// Whether there is something that the GPU does not do.
-    pub(super) fn on_cpu_only(&self) -> bool {
-        self.opacity < 1.0 || !self.shells.is_empty() || self.occlusion || self.shadows || self.direct
-    }
-
     /// All surfaces, the one of the largest isovalue first; colours in linear light. `main` is the isovalue and the (linear)
     /// colour of the surface that is always there.
     pub(super) fn all(&self, main: (f64, [f32; 3])) -> Vec<Shell> {

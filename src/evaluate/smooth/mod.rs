@@ -15,7 +15,7 @@ use super::load::Object;
 use super::picture::{PictureReport, ViewOptions};
 use super::surface::{sculpted, since, steps};
 use crate::deform::Stack;
-use crate::gpu::{Coefficients, Gpu, GpuError, SplinePass, SplineView};
+use crate::gpu::{Coefficients, Gpu, GpuError, Shade, SplinePass, SplineView};
 use crate::mesh::TriMesh;
 use crate::render::{Camera, Frame, Look, Picture, Projection, Shading, SliceGeometry, Stop};
 use crate::scene::CutPlane;
@@ -96,24 +96,23 @@ impl Smooth {
         Ok(Self { grid: volume.grid, spline, through: None, made_of, occupancy: None })
     }
 
-    /// How full space is, for some surfaces.
-    fn occupancy(&mut self, object: &Object, shells: &[Shell]) -> &Occupancy {
+    /// Finds how full space is, for some surfaces; says whether it was not known.
+    fn occupancy(&mut self, object: &Object, shells: &[Shell]) -> bool {
         let key: Vec<_> = shells.iter().map(|s| (s.iso, s.opacity)).collect();
         let mesh = (self.through.is_some() && object.shaped).then(|| object.mesh.clone());
-        let kept =
-            self.occupancy.take().filter(|kept| kept.shells == key && kept.clip == object.clip && kept.mesh == mesh);
-        let kept = kept.unwrap_or_else(|| {
-            let occupancy = match &self.through {
-                None => {
-                    let seen = |_, middle| object.clip.iter().all(|plane| plane.beyond(middle) <= 0.0);
-                    let seen: Option<Seen<'_>> = if object.clip.is_empty() { None } else { Some(&seen) };
-                    Occupancy::new(&self.spline, &self.grid, &key, seen)
-                }
-                Some(_) => moved::occupancy(object, &self.spline, &self.grid, &key),
-            };
-            Filled { shells: key, clip: object.clip.clone(), mesh, occupancy }
-        });
-        &self.occupancy.insert(kept).occupancy
+        if self.occupancy.as_ref().is_some_and(|o| o.shells == key && o.clip == object.clip && o.mesh == mesh) {
+            return false;
+        }
+        let occupancy = match &self.through {
+            None => {
+                let seen = |_, middle| object.clip.iter().all(|plane| plane.beyond(middle) <= 0.0);
+                let seen: Option<Seen<'_>> = if object.clip.is_empty() { None } else { Some(&seen) };
+                Occupancy::new(&self.spline, &self.grid, &key, seen)
+            }
+            Some(_) => moved::occupancy(object, &self.spline, &self.grid, &key),
+        };
+        self.occupancy = Some(Filled { shells: key, clip: object.clip.clone(), mesh, occupancy });
+        true
     }
 }
 
@@ -124,6 +123,8 @@ pub(super) struct Kept {
     pass: Option<SplinePass>,
     /// Whether the pass has the spline.
     uploaded: bool,
+    /// Whether it has the occupancy.
+    shaded: bool,
     pub look: SmoothLook,
 }
 
@@ -134,7 +135,7 @@ impl Kept {
         let made_of = MadeOf::new(object, corrections, self.look.direct && deformed);
         if self.smooth.as_ref().is_none_or(|kept| !kept.made_of.same(&made_of)) {
             let old = self.smooth.take();
-            self.uploaded = false;
+            (self.uploaded, self.shaded) = (false, false);
             // a stroke does not change what lies under it
             let rest = old.filter(|s| s.through.is_some() && s.made_of.same_volume(&made_of)).map(|s| s.spline);
             self.smooth = Some(Smooth::new(object, made_of, rest)?);
@@ -168,7 +169,7 @@ pub(super) fn picture(
     };
     let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
     kept.renew(object, options.corrections)?;
-    let Kept { smooth: Some(smooth), pass, uploaded, look: smooth_look } = kept else {
+    let Kept { smooth: Some(smooth), pass, uploaded, shaded, look: smooth_look } = kept else {
         return Err(EvaluateError::View);
     };
     let (frame, mut view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
@@ -190,12 +191,19 @@ pub(super) fn picture(
     };
     let [r, g, b, _] = frame.iso_color;
     let shells = smooth_look.all((iso, [r, g, b]));
+    view.shade = Shade { ambient: smooth_look.occlusion, light: smooth_look.shadows };
+    if smooth_look.occlusion || smooth_look.shadows {
+        let fresh = smooth.occupancy(object, &shells);
+        *shaded &= !fresh;
+    }
     let mut drawn = None;
     if let Some(gpu) = gpu {
-        if smooth_look.on_cpu_only() {
-            report.warnings.push("the surface was drawn on the CPU: the graphics adapter draws one solid surface, without shade from around".into());
+        if smooth.through.is_some() {
+            report.warnings.push("the surface was drawn on the CPU, which alone sees it through strokes".into());
         } else {
-            match on_gpu(gpu, pass, uploaded, &smooth.spline, &mut report, |pass| pass.draw(gpu, &frame, &view, iso)) {
+            match on_gpu(gpu, (pass, uploaded, shaded), smooth, &mut report, |pass| {
+                pass.draw(gpu, &frame, &view, &shells)
+            }) {
                 Ok(picture) => drawn = Some(picture),
                 Err(error) => report.warnings.push(instead(error)?),
             }
@@ -204,11 +212,7 @@ pub(super) fn picture(
     let picture = match drawn {
         Some(picture) => picture,
         None => {
-            let shaded = smooth_look.occlusion || smooth_look.shadows;
-            if shaded {
-                smooth.occupancy(object, &shells);
-            }
-            let occupancy = smooth.occupancy.as_ref().filter(|_| shaded).map(|kept| &kept.occupancy);
+            let occupancy = smooth.occupancy.as_ref().map(|kept| &kept.occupancy);
             let inside = (smooth.through.is_some() && object.shaped)
                 .then(|| Inside::new(&object.mesh, &view.clip_from_world, options.size));
             let looked = View {
@@ -222,8 +226,8 @@ pub(super) fn picture(
                 clip: &object.clip,
                 inside: inside.as_ref(),
                 paint: &view.paint,
-                occlusion: occupancy.filter(|_| smooth_look.occlusion),
-                shadows: occupancy.filter(|_| smooth_look.shadows),
+                occlusion: occupancy.filter(|_| view.shade.ambient),
+                shadows: occupancy.filter(|_| view.shade.light),
             };
             let map = moved::derivative(object);
             let data = match &smooth.through {
@@ -273,16 +277,16 @@ pub(super) fn frame_and_view(
         cuts: object.clip.iter().map(|plane| [plane.point, plane.normal]).collect(),
         size: [width, height],
         paint: Paint::default(),
+        shade: Shade::default(),
     };
     Ok((Frame::new(camera, look, &object.field, object.window, &geometry, width, height), view))
 }
 
-/// Draws with a pass that has the spline.
+/// Draws with a pass; gives it what it does not have of the spline and of what is around.
 fn on_gpu(
     gpu: &Gpu,
-    pass: &mut Option<SplinePass>,
-    uploaded: &mut bool,
-    spline: &Spline,
+    (pass, uploaded, shaded): (&mut Option<SplinePass>, &mut bool, &mut bool),
+    smooth: &Smooth,
     report: &mut PictureReport,
     draw: impl Fn(&mut SplinePass) -> Result<Picture, GpuError>,
 ) -> Result<Picture, GpuError> {
@@ -294,8 +298,12 @@ fn on_gpu(
     if !*uploaded {
         // a larger surface may have needed the other way before
         pass.set_coefficients(Coefficients::Stored);
-        pass.set_spline(gpu, spline)?;
+        pass.set_spline(gpu, &smooth.spline)?;
         *uploaded = true;
+    }
+    if let (Some(filled), false) = (&smooth.occupancy, *shaded) {
+        pass.set_occupancy(gpu, Some(&filled.occupancy))?;
+        *shaded = true;
     }
     report.ms_geometry = since(started);
     let picture = match draw(pass) {

@@ -1,6 +1,7 @@
 //! The tetrahedra of a list, drawn, and caps.
 
 use super::classify::{DRAW, Lists, Samples};
+use super::shade::OccupancyTexture;
 use super::size::{BATCH, KINDS};
 use crate::gpu::bind::{SAMPLES, buffer_type, cleared, cleared_depth, group, group_layout};
 use crate::gpu::layout::SplineViewUniform;
@@ -38,7 +39,8 @@ pub struct Drawer {
     view_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
     indices: wgpu::Buffer,
-    uniform: wgpu::Buffer,
+    /// One for each surface.
+    uniforms: Vec<wgpu::Buffer>,
     /// By target, then without and with stored coefficients; made when first used.
     tets: [[Option<wgpu::RenderPipeline>; 2]; 2],
     caps: [Option<wgpu::RenderPipeline>; 2],
@@ -50,7 +52,24 @@ const FACES: [u16; 12] = [0, 1, 2, 2, 1, 3, 2, 3, 0, 0, 3, 1];
 impl Drawer {
     pub fn new(gpu: &Gpu, frame: &wgpu::BindGroupLayout) -> Result<Self, GpuError> {
         let read = buffer_type(wgpu::BufferBindingType::Storage { read_only: true });
-        let types = [buffer_type(wgpu::BufferBindingType::Uniform), SAMPLES, read, read, read];
+        let types = [
+            buffer_type(wgpu::BufferBindingType::Uniform),
+            SAMPLES,
+            read,
+            read,
+            read,
+            wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Depth,
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            },
+            wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: true },
+                view_dimension: wgpu::TextureViewDimension::D3,
+                multisampled: false,
+            },
+            wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+        ];
         let view_layout = group_layout(gpu, "spline view", wgpu::ShaderStages::VERTEX_FRAGMENT, &types);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("spline"),
@@ -59,23 +78,45 @@ impl Drawer {
         });
         let indices: Vec<u16> = (0..BATCH as u16).flat_map(|tet| FACES.map(|corner| 4 * tet + corner)).collect();
         let bytes = bytemuck::cast_slice(&indices);
-        let buffer = |label, size, usage| {
+        let indices = gpu.allocate("a spline's faces", bytes.len() as u64, || {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: usage | wgpu::BufferUsages::COPY_DST,
+                label: Some("spline faces"),
+                size: bytes.len() as u64,
+                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             })
-        };
-        let (indices, uniform) = gpu.allocate("a spline's view", bytes.len() as u64, || {
-            let size = size_of::<SplineViewUniform>() as u64;
-            (
-                buffer("spline faces", bytes.len() as u64, wgpu::BufferUsages::INDEX),
-                buffer("spline view", size, wgpu::BufferUsages::UNIFORM),
-            )
         })?;
         gpu.queue.write_buffer(&indices, 0, bytes);
-        Ok(Self { view_layout, layout, indices, uniform, tets: Default::default(), caps: Default::default() })
+        Ok(Self {
+            view_layout,
+            layout,
+            indices,
+            uniforms: Vec::new(),
+            tets: Default::default(),
+            caps: Default::default(),
+        })
+    }
+
+    /// Hands the views of all surfaces to the device.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn set_views(&mut self, gpu: &Gpu, views: &[SplineViewUniform]) -> Result<(), GpuError> {
+        while self.uniforms.len() < views.len() {
+            let size = size_of::<SplineViewUniform>() as u64;
+            self.uniforms.push(gpu.allocate("a spline's view", size, || {
+                gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("spline view"),
+                    size,
+                    usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                })
+            })?);
+        }
+        for (buffer, view) in self.uniforms.iter().zip(views) {
+            gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(view));
+        }
+        Ok(())
     }
 
     /// Compiles what has not been used before.
@@ -100,28 +141,34 @@ impl Drawer {
         Ok(())
     }
 
-    /// Records the draws of all kinds, after the caps if there may be any.
-    #[allow(clippy::too_many_arguments)]
+    /// Records the draws of all kinds of all surfaces, after their caps if there may be any. The surfaces are those whose views
+    /// were set, the one of the largest isovalue first, so that where caps meet it shows.
     pub fn run(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         (kind, target): (Target, &SliceTarget),
-        frame: &wgpu::BindGroup,
-        (samples, lists): (&Samples, &Lists),
-        view: &SplineViewUniform,
-        caps: bool,
+        scene: &Scene<'_>,
+        surfaces: &[(&Lists, bool)],
         counter: Option<&Counter>,
     ) {
-        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(view));
-        let bindings = [
-            self.uniform.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&samples.view),
-            lists.tets.as_entire_binding(),
-            lists.store.as_entire_binding(),
-            lists.kinds.as_entire_binding(),
-        ];
-        let own = group(gpu, "spline view", &self.view_layout, &bindings);
+        let groups: Vec<_> = surfaces
+            .iter()
+            .zip(&self.uniforms)
+            .map(|((lists, _), uniform)| {
+                let bindings = [
+                    uniform.as_entire_binding(),
+                    wgpu::BindingResource::TextureView(&scene.samples.view),
+                    lists.tets.as_entire_binding(),
+                    lists.store.as_entire_binding(),
+                    lists.kinds.as_entire_binding(),
+                    wgpu::BindingResource::TextureView(scene.before),
+                    wgpu::BindingResource::TextureView(&scene.occupancy.view),
+                    wgpu::BindingResource::Sampler(&scene.occupancy.sampler),
+                ];
+                group(gpu, "spline view", &self.view_layout, &bindings)
+            })
+            .collect();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("spline"),
             color_attachments: &[Some(cleared(&target.color))],
@@ -131,23 +178,39 @@ impl Drawer {
         if let Some(counter) = counter {
             counter.begin(&mut pass);
         }
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(1, &own, &[]);
-        if caps && let Some(pipeline) = &self.caps[kind as usize] {
+        pass.set_bind_group(0, scene.frame, &[]);
+        if let Some(pipeline) = &self.caps[kind as usize] {
             pass.set_pipeline(pipeline);
-            pass.draw(0..3, 0..1);
+            for ((_, caps), group) in surfaces.iter().zip(&groups) {
+                if *caps {
+                    pass.set_bind_group(1, group, &[]);
+                    pass.draw(0..3, 0..1);
+                }
+            }
         }
-        if let Some(pipeline) = &self.tets[kind as usize][usize::from(lists.room.stored)] {
-            pass.set_pipeline(pipeline);
-            pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
-            for kind in 0..KINDS {
-                pass.draw_indexed_indirect(&lists.draws, kind * DRAW);
+        for ((lists, _), group) in surfaces.iter().zip(&groups) {
+            if let Some(pipeline) = &self.tets[kind as usize][usize::from(lists.room.stored)] {
+                pass.set_bind_group(1, group, &[]);
+                pass.set_pipeline(pipeline);
+                pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
+                for kind in 0..KINDS {
+                    pass.draw_indexed_indirect(&lists.draws, kind * DRAW);
+                }
             }
         }
         if counter.is_some() {
             pass.end_pipeline_statistics_query();
         }
     }
+}
+
+/// What all surfaces of a picture share.
+pub struct Scene<'a> {
+    pub frame: &'a wgpu::BindGroup,
+    pub samples: &'a Samples,
+    /// Depths of the layer before.
+    pub before: &'a wgpu::TextureView,
+    pub occupancy: &'a OccupancyTexture,
 }
 
 fn pipeline(

@@ -19,6 +19,8 @@
 //!   are therefore drawn a hundredth of a pixel larger, and each fragment looks itself where its ray is in the tetrahedron.
 //! - Only rises count. Where a ray begins above the isovalue, on a plane that cuts or on the border, there is a flat cap, which
 //!   a pass over the whole picture draws, if there can be any.
+//! - Where surfaces are translucent they are peeled (Everitt, "Interactive order-independent transparency", 2001): each layer
+//!   draws what comes next behind the depths of the one before, rises and falls.
 //!
 //! # Practice
 //!
@@ -28,6 +30,8 @@
 
 mod classify;
 mod draw;
+mod layers;
+mod shade;
 mod size;
 mod view;
 
@@ -41,11 +45,15 @@ use super::timing::Counter;
 use super::{Gpu, GpuError};
 use crate::render::{Frame, Picture};
 use crate::spline::Spline;
+use crate::spline::occupancy::Occupancy;
+use crate::spline::paint::Shell;
 use classify::{Classifier, Lists, Samples};
-use draw::{Drawer, Target};
+use draw::{Drawer, Scene, Target};
+use layers::{BEHIND, Layers};
+use shade::OccupancyTexture;
 use size::Room;
 
-pub use view::SplineView;
+pub use view::{Shade, SplineView};
 
 /// Where the coefficients of a tetrahedron come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -80,12 +88,23 @@ pub struct SplinePass {
     /// Bytes of a buffer.
     limit: u64,
     samples: Option<Samples>,
-    lists: Option<Lists>,
-    /// The isovalue that the lists are for.
-    classified: Option<f64>,
-    wanted: [u32; 2],
+    /// One for each surface.
+    levels: Vec<Level>,
+    occupancy: OccupancyTexture,
+    /// Stands for the layer before the first.
+    nothing: wgpu::TextureView,
+    layers: Option<Layers>,
     targets: Option<(SliceTarget, PixelTarget)>,
     fragments: Option<u64>,
+}
+
+/// Lists of tetrahedra, and what they are for.
+#[derive(Debug)]
+struct Level {
+    lists: Lists,
+    /// The isovalue.
+    classified: Option<f64>,
+    wanted: [u32; 2],
 }
 
 /// Bytes that a shader can reach of a buffer.
@@ -125,9 +144,10 @@ impl SplinePass {
             coefficients: Coefficients::Stored,
             limit: limit.min(binding_limit(gpu)),
             samples: None,
-            lists: None,
-            classified: None,
-            wanted: [0; 2],
+            levels: Vec::new(),
+            occupancy: OccupancyTexture::empty(gpu)?,
+            nothing: layers::nothing_before(gpu)?,
+            layers: None,
             targets: None,
             fragments: None,
         };
@@ -148,14 +168,27 @@ impl SplinePass {
 
     /// Forgets the spline.
     pub fn clear(&mut self) {
-        (self.samples, self.lists, self.classified) = (None, None, None);
+        self.samples = None;
+        self.levels.clear();
+    }
+
+    /// What takes light away from now on, if a view asks for it.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]; then nothing does.
+    pub fn set_occupancy(&mut self, gpu: &Gpu, occupancy: Option<&Occupancy>) -> Result<(), GpuError> {
+        self.occupancy = OccupancyTexture::empty(gpu)?;
+        if let Some(occupancy) = occupancy {
+            self.occupancy = OccupancyTexture::new(gpu, occupancy)?;
+        }
+        Ok(())
     }
 
     /// Where coefficients come from; stored ones, unless something else is asked for.
     pub fn set_coefficients(&mut self, coefficients: Coefficients) {
         if self.coefficients != coefficients {
             self.coefficients = coefficients;
-            (self.lists, self.classified) = (None, None);
+            self.levels.clear();
         }
     }
 
@@ -165,12 +198,14 @@ impl SplinePass {
 
     /// After a picture.
     pub fn load(&self) -> SplineLoad {
-        SplineLoad {
-            blocks: self.wanted[0],
-            tets: self.wanted[1],
-            sample_bytes: self.samples.as_ref().map_or(0, |s| s.bytes),
-            list_bytes: self.lists.as_ref().map_or(0, |l| l.bytes),
+        let mut load =
+            SplineLoad { sample_bytes: self.samples.as_ref().map_or(0, |s| s.bytes), ..SplineLoad::default() };
+        for level in &self.levels {
+            load.blocks += level.wanted[0];
+            load.tets += level.wanted[1];
+            load.list_bytes += level.lists.bytes;
         }
+        load
     }
 
     /// Fragments that were shaded for the last picture, as the device counts them; `None` where it does not.
@@ -183,45 +218,68 @@ impl SplinePass {
     /// # Errors
     /// [`GpuError::TooLarge`] if there are more than buffers hold, and what the device reports.
     pub fn classify(&mut self, gpu: &Gpu, iso: f64) -> Result<f64, GpuError> {
-        self.make_lists(gpu)?;
+        self.make_lists(gpu, 1)?;
+        self.levels.iter_mut().for_each(|level| level.classified = None);
         loop {
             let begun = Instant::now();
             let mut encoder = encoder(gpu);
-            if let (Some(samples), Some(lists)) = (&self.samples, &self.lists) {
-                self.classifier.run(gpu, &mut encoder, samples, lists, iso);
-            }
+            let fresh = self.record_lists(gpu, &mut encoder, &[iso]);
             gpu.queue.submit([encoder.finish()]);
-            if self.settled(gpu, iso)? {
+            if self.settled(gpu, &[iso], &fresh)? {
                 return Ok(begun.elapsed().as_secs_f64() * 1e3);
             }
         }
     }
 
-    /// Draws the surface where the spline has the value `iso`. Without a spline there is only the background.
+    /// Draws surfaces: where the spline has one of the isovalues. Colours are in linear light. Without a spline there is only
+    /// the background.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`], and what the device reports.
-    pub fn draw(&mut self, gpu: &Gpu, frame: &Frame, view: &SplineView, iso: f64) -> Result<Picture, GpuError> {
+    pub fn draw(&mut self, gpu: &Gpu, frame: &Frame, view: &SplineView, shells: &[Shell]) -> Result<Picture, GpuError> {
         let [width, height, ..] = frame.size;
         self.resize(gpu, width, height)?;
         gpu.queue.write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(frame));
-        self.make_lists(gpu)?;
+        let mut shells = shells.to_vec();
+        shells.sort_by(|a, b| b.iso.total_cmp(&a.iso));
+        let isos: Vec<f64> = shells.iter().map(|s| s.iso).collect();
+        self.make_lists(gpu, shells.len())?;
         self.drawer.prepare(gpu, Target::Picture, self.coefficients == Coefficients::Stored)?;
+        let layers = layers::count(shells.len() as u32, shells.iter().all(|s| s.opacity >= 1.0));
+        if layers > 0 && self.layers.as_ref().is_none_or(|l| !l.fits(width, height)) {
+            self.layers = None;
+            self.layers = Some(Layers::new(gpu, width, height)?);
+        }
+        self.set_views(gpu, view, &shells, layers > 0)?;
         loop {
             let Some((target, pixels)) = &self.targets else { return Err(GpuError::Refusal("no picture".into())) };
             let mut encoder = encoder(gpu);
-            let fresh = self.record(gpu, &mut encoder, (Target::Picture, target), view, iso);
+            let fresh = self.record_lists(gpu, &mut encoder, &isos);
+            match &self.layers {
+                Some(peeled) if layers > 0 => {
+                    let mut before = &self.nothing;
+                    for layer in 0..layers {
+                        let own = &peeled.targets[layer as usize % 2];
+                        let caps = if layer == 0 { Some(view) } else { None };
+                        self.record(gpu, &mut encoder, (Target::Picture, own), &isos, caps, before);
+                        peeled.add(&mut encoder, layer, target);
+                        before = &own.depth;
+                    }
+                }
+                _ => self.record(gpu, &mut encoder, (Target::Picture, target), &isos, Some(view), &self.nothing),
+            }
             self.resolve.run(&mut encoder, pixels, &self.frame_group, false, None);
-            if let Some(counter) = &self.counter {
+            let counter = self.counter.as_ref().filter(|_| layers == 0);
+            if let Some(counter) = counter {
                 counter.finish(&mut encoder);
             }
             gpu.queue.submit([encoder.finish()]);
             let picture = pixels.read(gpu)?;
-            if fresh && !self.settled(gpu, iso)? {
-                continue;
+            let fragments = counter.map(|c| c.read(gpu)).transpose()?;
+            if self.settled(gpu, &isos, &fresh)? {
+                self.fragments = fragments;
+                return Ok(picture);
             }
-            self.fragments = self.counter.as_ref().map(|c| c.read(gpu)).transpose()?;
-            return Ok(picture);
         }
     }
 
@@ -232,8 +290,9 @@ impl SplinePass {
     /// As [`SplinePass::draw`].
     pub fn probe(&mut self, gpu: &Gpu, view: &SplineView, iso: f64) -> Result<Vec<[f32; 4]>, GpuError> {
         let [width, height] = view.size;
-        self.make_lists(gpu)?;
+        self.make_lists(gpu, 1)?;
         self.drawer.prepare(gpu, Target::Probe, self.coefficients == Coefficients::Stored)?;
+        self.set_views(gpu, view, &[Shell { iso, color: [1.0; 3], opacity: 1.0 }], false)?;
         let target = SliceTarget::of(gpu, width, height, Target::Probe.format())?;
         let row = padded_row(width, 16);
         let readback = gpu.allocate("a picture", u64::from(row) * u64::from(height), || {
@@ -246,7 +305,8 @@ impl SplinePass {
         })?;
         loop {
             let mut encoder = encoder(gpu);
-            let fresh = self.record(gpu, &mut encoder, (Target::Probe, &target), view, iso);
+            let fresh = self.record_lists(gpu, &mut encoder, &[iso]);
+            self.record(gpu, &mut encoder, (Target::Probe, &target), &[iso], Some(view), &self.nothing);
             encoder.copy_texture_to_buffer(
                 target.color.texture().as_image_copy(),
                 wgpu::TexelCopyBufferInfo {
@@ -260,60 +320,90 @@ impl SplinePass {
                 let rows = bytes.chunks_exact(row as usize).map(|row| &row[..width as usize * 16]);
                 rows.flat_map(|row| row.chunks_exact(16).map(bytemuck::pod_read_unaligned)).collect()
             })?;
-            if !fresh || self.settled(gpu, iso)? {
+            if self.settled(gpu, &[iso], &fresh)? {
                 return Ok(probed);
             }
         }
     }
 
-    /// Records the classification, if the isovalue is new, and the draws; says whether it was.
+    /// Hands what the shaders know of the view to the device.
+    fn set_views(&mut self, gpu: &Gpu, view: &SplineView, shells: &[Shell], layered: bool) -> Result<(), GpuError> {
+        let Some(samples) = &self.samples else { return Ok(()) };
+        let uniform = |shell| {
+            let mut uniform = view.uniform(samples.dims, shell, layered.then_some(BEHIND));
+            view.shade(&mut uniform, self.occupancy.cells, self.occupancy.cell);
+            uniform
+        };
+        let views: Vec<_> = shells.iter().map(uniform).collect();
+        self.drawer.set_views(gpu, &views)
+    }
+
+    /// Records the classification of isovalues that are new, and says which are.
+    fn record_lists(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, isos: &[f64]) -> Vec<usize> {
+        let Some(samples) = &self.samples else { return Vec::new() };
+        let new = |(n, (level, iso)): (usize, (&Level, &f64))| (level.classified != Some(*iso)).then_some(n);
+        let fresh: Vec<usize> = self.levels.iter().zip(isos).enumerate().filter_map(new).collect();
+        for n in &fresh {
+            self.classifier.run(gpu, encoder, samples, &self.levels[*n].lists, isos[*n]);
+        }
+        fresh
+    }
+
+    /// Records the draws; with a view, caps, too.
     fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         target: (Target, &SliceTarget),
-        view: &SplineView,
-        iso: f64,
-    ) -> bool {
-        let (Some(samples), Some(lists)) = (&self.samples, &self.lists) else {
-            return false;
-        };
-        let fresh = self.classified != Some(iso);
-        if fresh {
-            self.classifier.run(gpu, encoder, samples, lists, iso);
-        }
-        let caps = f64::from(samples.border) >= iso || view.cuts_in(samples.dims);
-        let uniform = view.uniform(samples.dims, iso);
-        let counter = self.counter.as_ref().filter(|_| target.0 == Target::Picture);
-        self.drawer.run(gpu, encoder, target, &self.frame_group, (samples, lists), &uniform, caps, counter);
-        fresh
+        isos: &[f64],
+        caps: Option<&SplineView>,
+        before: &wgpu::TextureView,
+    ) {
+        let Some(samples) = &self.samples else { return };
+        let cut = caps.is_some_and(|view| view.cuts_in(samples.dims));
+        let capped = |iso: f64| cut || (caps.is_some() && f64::from(samples.border) >= iso);
+        let surfaces: Vec<_> = self.levels.iter().zip(isos).map(|(level, iso)| (&level.lists, capped(*iso))).collect();
+        let scene = Scene { frame: &self.frame_group, samples, before, occupancy: &self.occupancy };
+        let counter = self.counter.as_ref().filter(|_| target.0 == Target::Picture && caps.is_some());
+        self.drawer.run(gpu, encoder, target, &scene, &surfaces, counter);
     }
 
-    /// After a classification: whether there was room for all of it. If not, there is now.
-    fn settled(&mut self, gpu: &Gpu, iso: f64) -> Result<bool, GpuError> {
-        let Some(lists) = &self.lists else { return Ok(true) };
-        self.wanted = lists.wanted(gpu)?;
-        let [blocks, tets] = self.wanted;
-        let room = lists.room.grown(blocks, tets, self.limit)?;
-        if room == lists.room {
-            self.classified = Some(iso);
-            return Ok(true);
+    /// After classifications: whether there was room for all of them. If not, there is now.
+    fn settled(&mut self, gpu: &Gpu, isos: &[f64], fresh: &[usize]) -> Result<bool, GpuError> {
+        let mut settled = true;
+        for &n in fresh {
+            let level = &mut self.levels[n];
+            level.wanted = level.lists.wanted(gpu)?;
+            let [blocks, tets] = level.wanted;
+            let room = level.lists.room.grown(blocks, tets, self.limit)?;
+            if room == level.lists.room {
+                level.classified = Some(isos[n]);
+                continue;
+            }
+            settled = false;
+            let wanted = level.wanted;
+            // the old ones go first, with those behind them: their lists are made again
+            self.levels.truncate(n);
+            if let Some(samples) = &self.samples {
+                let lists = Lists::new(gpu, &self.classifier, samples, room)?;
+                self.levels.push(Level { lists, classified: None, wanted });
+            }
+            break;
         }
-        self.classified = None;
-        // the old ones go first
-        self.lists = None;
+        self.make_lists(gpu, isos.len())?;
+        Ok(settled)
+    }
+
+    /// Lists for so many surfaces.
+    fn make_lists(&mut self, gpu: &Gpu, count: usize) -> Result<(), GpuError> {
+        self.levels.truncate(count.max(1));
         if let Some(samples) = &self.samples {
-            self.lists = Some(Lists::new(gpu, &self.classifier, samples, room)?);
-        }
-        Ok(false)
-    }
-
-    fn make_lists(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
-        if let (Some(samples), None) = (&self.samples, &self.lists) {
-            let stored = self.coefficients == Coefficients::Stored;
-            let room = Room::first(samples.block_count(), stored, self.limit);
-            self.lists = Some(Lists::new(gpu, &self.classifier, samples, room)?);
-            self.classified = None;
+            while self.levels.len() < count {
+                let stored = self.coefficients == Coefficients::Stored;
+                let room = Room::first(samples.block_count(), stored, self.limit);
+                let lists = Lists::new(gpu, &self.classifier, samples, room)?;
+                self.levels.push(Level { lists, classified: None, wanted: [0; 2] });
+            }
         }
         Ok(())
     }

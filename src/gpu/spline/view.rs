@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat4, DVec3, DVec4};
 
 use crate::gpu::layout::{SPLINE_PLANES, SplineViewUniform};
-use crate::spline::paint::{Curvature, NEGATIVE, POSITIVE, Paint};
+use crate::spline::paint::{Curvature, NEGATIVE, POSITIVE, Paint, Shell};
 
 /// How a spline is looked at.
 #[derive(Debug, Clone)]
@@ -20,6 +20,15 @@ pub struct SplineView {
     /// Pixels.
     pub size: [u32; 2],
     pub paint: Paint,
+    /// What takes light away, if the pass has it.
+    pub shade: Shade,
+}
+
+/// Which light the surroundings take away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Shade {
+    pub ambient: bool,
+    pub light: bool,
 }
 
 /// A plane across the view, in voxels.
@@ -110,8 +119,9 @@ impl SplineView {
         !self.planes(dims).is_empty()
     }
 
-    /// As the shaders read it.
-    pub fn uniform(&self, dims: [usize; 3], iso: f64) -> SplineViewUniform {
+    /// As the shaders read it. `layered`: only what lies so many voxels behind the layer before is drawn.
+    pub fn uniform(&self, dims: [usize; 3], shell: &Shell, layered: Option<f32>) -> SplineViewUniform {
+        let iso = shell.iso;
         let screen = self.screen(dims);
         let [width, height] = self.size.map(f64::from);
         let clip_from_voxel = self.clip_from_world * DMat4::from(self.world_from_voxel);
@@ -165,8 +175,19 @@ impl SplineView {
             uniform.planes[i] = plane.as_vec4().to_array();
             uniform.normals[i] = normal.map_or([0.0; 4], |n| n.as_vec3().extend(1.0).to_array());
         }
+        let [r, g, b] = shell.color;
+        uniform.shell = [r, g, b, shell.opacity];
+        uniform.peel = layered.map_or([0.0; 4], |behind| [1.0, behind, 0.0, 0.0]);
         self.colors(&mut uniform, iso);
         uniform
+    }
+
+    /// Adds the light that is taken away.
+    pub fn shade(&self, uniform: &mut SplineViewUniform, cells: [usize; 3], cell: f64) {
+        let on = |on: bool| if on { 1.0 } else { 0.0 };
+        uniform.shade = [on(self.shade.ambient), on(self.shade.light), cell as f32, 0.0];
+        let [x, y, z] = cells.map(|n| 0.5 / n as f32);
+        uniform.unit = [x, y, z, 0.0];
     }
 
     fn colors(&self, uniform: &mut SplineViewUniform, iso: f64) {
