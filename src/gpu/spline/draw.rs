@@ -169,10 +169,14 @@ impl Drawer {
                 group(gpu, "spline view", &self.view_layout, &bindings)
             })
             .collect();
+        let mut depth = cleared_depth(&target.depth);
+        if let (true, Some(ops)) = (scene.layered, &mut depth.depth_ops) {
+            ops.store = wgpu::StoreOp::Store;
+        }
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("spline"),
             color_attachments: &[Some(cleared(&target.color))],
-            depth_stencil_attachment: Some(cleared_depth(&target.depth)),
+            depth_stencil_attachment: Some(depth),
             ..Default::default()
         });
         if let Some(counter) = counter {
@@ -210,6 +214,8 @@ pub struct Scene<'a> {
     pub samples: &'a Samples,
     /// Depths of the layer before.
     pub before: &'a wgpu::TextureView,
+    /// Whether a layer follows, which needs the depths.
+    pub layered: bool,
     pub occupancy: &'a OccupancyTexture,
 }
 

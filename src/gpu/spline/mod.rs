@@ -363,7 +363,8 @@ impl SplinePass {
         let cut = caps.is_some_and(|view| view.cuts_in(samples.dims));
         let capped = |iso: f64| cut || (caps.is_some() && f64::from(samples.border) >= iso);
         let surfaces: Vec<_> = self.levels.iter().zip(isos).map(|(level, iso)| (&level.lists, capped(*iso))).collect();
-        let scene = Scene { frame: &self.frame_group, samples, before, occupancy: &self.occupancy };
+        let layered = self.layers.as_ref().is_some_and(|l| l.targets.iter().any(|t| std::ptr::eq(t, target.1)));
+        let scene = Scene { frame: &self.frame_group, samples, before, layered, occupancy: &self.occupancy };
         let counter = self.counter.as_ref().filter(|_| target.0 == Target::Picture && caps.is_some());
         self.drawer.run(gpu, encoder, target, &scene, &surfaces, counter);
     }
