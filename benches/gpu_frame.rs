@@ -69,6 +69,7 @@ fn transfer_function() -> TransferFunction {
             point(200.0, [0.97, 0.85, 0.76], 0.3),
             point(255.0, [1.0, 1.0, 0.9], 0.6),
         ],
+        regions: vec![],
     }
 }
 
