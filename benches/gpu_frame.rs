@@ -79,6 +79,7 @@ fn camera(field: &Field, yaw: f64) -> Camera {
         target: field.grid.center(),
         yaw,
         pitch: 20.0,
+        roll: 0.0,
         radius: 221.7,
         zoom: 1.59,
         projection: Projection::Perspective { fov_y: 18.75 },

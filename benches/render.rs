@@ -83,6 +83,7 @@ fn main() -> anyhow::Result<()> {
         target: field.grid.center(),
         yaw: 37.0,
         pitch: 20.0,
+        roll: 0.0,
         radius: 852.0 * (0.5 * 18.75f64).to_radians().sin(),
         zoom: 1.0,
         projection: Projection::Perspective { fov_y: 18.75 },

@@ -133,6 +133,7 @@ fn camera(perspective: bool) -> Camera {
         target: grid().center(),
         yaw: 25.0,
         pitch: 15.0,
+        roll: 0.0,
         radius: 36.0,
         zoom: 1.5,
         projection: if perspective { Projection::Perspective { fov_y: 50.0 } } else { Projection::Orthographic },

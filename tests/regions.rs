@@ -57,6 +57,7 @@ fn frontal(grid: &Grid) -> Camera {
         target: grid.center(),
         yaw: 0.0,
         pitch: 0.0,
+        roll: 0.0,
         radius: 32.0,
         zoom: 1.0,
         projection: Projection::Orthographic,

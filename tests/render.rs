@@ -73,7 +73,7 @@ fn tilted() -> DAffine3 {
 
 fn camera(grid: &Grid, projection: Projection) -> Camera {
     let radius = 0.5 * (grid.corners()[7] - grid.corners()[0]).length();
-    Camera { target: grid.center(), yaw: 30.0, pitch: 20.0, radius, zoom: 1.0, projection }
+    Camera { target: grid.center(), yaw: 30.0, pitch: 20.0, roll: 0.0, radius, zoom: 1.0, projection }
 }
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 30.0 };

@@ -266,6 +266,7 @@ mod tests {
             target: field.grid.center(),
             yaw: 0.0,
             pitch: 0.0,
+            roll: 0.0,
             radius: 60.0,
             zoom: 1.0,
             projection: Projection::Orthographic,

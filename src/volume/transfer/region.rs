@@ -99,7 +99,7 @@ impl Region {
 fn risen(inside: f32, edge: f32) -> f32 {
     let x = if edge > 0.0 { inside / edge } else { f32::from(u8::from(inside >= 0.0)) };
     // what is no number is nothing
-    let x = x.max(0.0).min(1.0);
+    let x = if x > 0.0 { x.min(1.0) } else { 0.0 };
     x * x * (3.0 - 2.0 * x)
 }
 
