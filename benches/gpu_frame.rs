@@ -69,6 +69,7 @@ fn transfer_function() -> TransferFunction {
             point(200.0, [0.97, 0.85, 0.76], 0.3),
             point(255.0, [1.0, 1.0, 0.9], 0.6),
         ],
+        regions: vec![],
     }
 }
 
@@ -78,6 +79,7 @@ fn camera(field: &Field, yaw: f64) -> Camera {
         target: field.grid.center(),
         yaw,
         pitch: 20.0,
+        roll: 0.0,
         radius: 221.7,
         zoom: 1.59,
         projection: Projection::Perspective { fov_y: 18.75 },

@@ -52,7 +52,7 @@ fn transfer() -> TransferFunction {
     let mut points: Vec<_> =
         opacity.iter().map(|&(at, opacity)| ControlPoint { at: at / 255.0, color: color(at), opacity }).collect();
     points.insert(3, ControlPoint { at: 90.0 / 255.0, color: color(90.0), opacity: 0.02 + 0.03 / 7.0 });
-    TransferFunction { name: "peer".into(), window: Window::Values { lo: 0.0, hi: 255.0 }, points }
+    TransferFunction { name: "peer".into(), window: Window::Values { lo: 0.0, hi: 255.0 }, points, regions: vec![] }
 }
 
 /// Processor time of this process in milliseconds, over all threads, in steps of 10; 0 where the system does not say.
@@ -83,6 +83,7 @@ fn main() -> anyhow::Result<()> {
         target: field.grid.center(),
         yaw: 37.0,
         pitch: 20.0,
+        roll: 0.0,
         radius: 852.0 * (0.5 * 18.75f64).to_radians().sin(),
         zoom: 1.0,
         projection: Projection::Perspective { fov_y: 18.75 },

@@ -25,6 +25,6 @@ fn value(x: vec3f) -> f32 {
 }
 
 // linear light, premultiplied, for one slice distance along the view axis
-fn classify(front: f32, back: f32) -> vec4f {
-    return textureSampleLevel(table, table_sampler, (vec2f(front, back) * 255.0 + 0.5) / 256.0, 0.0);
+fn classify(front: f32, second: f32) -> vec4f {
+    return textureSampleLevel(table, table_sampler, (vec2f(front, second) * 255.0 + 0.5) / 256.0, 0.0);
 }

@@ -45,11 +45,18 @@ fn volume_main(in: Fragment) -> @location(0) vec4f {
         discard;
     }
     let here = value(place.front);
-    var behind = here;
+    var second = here;
     if PREINTEGRATED {
-        behind = value(place.back);
+        second = value(place.back);
     }
-    var color = classify(here, behind);
+    if REGIONS {
+        // the first row has the most there can be for the value
+        if classify(here, 0.0).a <= 1e-6 {
+            discard;
+        }
+        second = 1.0 - sqrt(steepness(place.front));
+    }
+    var color = classify(here, second);
     if color.a <= 1e-6 {
         discard;
     }

@@ -204,6 +204,63 @@ fn panels_answer_to_their_names() {
     h.check_accessibility();
 }
 
+#[test]
+fn regions_are_added_moved_and_taken_away_in_steps() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:orange:40", home.path());
+    // all of the panel at once
+    h.set_size(Vec2::new(1200.0, 1400.0));
+    settled(&mut h);
+    h.get_by_label("Look").click();
+    h.run_steps(3);
+    let regions = |h: &Bench| {
+        let document = h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().clone();
+        document.transfer_function.as_ref().map_or_else(Vec::new, |t| t.regions.clone())
+    };
+    h.get_by_label("Value and steepness").click();
+    until(&mut h, "the joint histogram", |m| m.desk.as_ref().is_some_and(|d| d.joint.is_some()));
+    assert_eq!(regions(&h).len(), 1);
+    // beside it a double click makes another
+    let plot = h.get_by_label("Regions over value and steepness").rect();
+    let at = plot.left_bottom() + Vec2::new(14.0, -12.0);
+    h.hover_at(at);
+    h.run_steps(60);
+    for _ in 0..2 {
+        for pressed in [true, false] {
+            let button = PointerButton::Primary;
+            h.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
+            h.step();
+        }
+    }
+    h.run_steps(60);
+    let made = regions(&h);
+    assert!(made.len() == 2 && made[1].value[0] == 0.0 && made[1].steepness[0] == 0.0, "{made:?}");
+    // it is moved in one step, open sides stay
+    let count = steps(&h);
+    drag(&mut h, at, Vec2::new(30.0, 0.0), PointerButton::Primary, Modifiers::NONE);
+    let moved = regions(&h)[1];
+    assert!(steps(&h) == count + 1 && moved.value[1] > made[1].value[1] + 0.05, "{moved:?}");
+    assert_eq!(moved.steepness, made[1].steepness);
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    assert_eq!(regions(&h), made);
+    h.get_by_label("Region, highest steepness");
+    h.get_by_label("its own").click();
+    h.run_steps(3);
+    assert!(regions(&h)[1].color.is_some());
+    h.check_accessibility();
+    h.get_by_label("Delete the region").click();
+    h.run_steps(3);
+    assert_eq!(regions(&h), made[..1]);
+    // opacity by value puts them away, and back
+    h.get_by_label("Value").click();
+    h.run_steps(3);
+    assert!(regions(&h).is_empty());
+    h.get_by_label("Value and steepness").click();
+    h.run_steps(3);
+    assert_eq!(regions(&h), made[..1]);
+    settled(&mut h);
+}
+
 /// The deformations as they are in the document.
 fn items(h: &Bench) -> Vec<voxclay::deform::Deformation> {
     h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().stack.items.clone()
@@ -376,7 +433,7 @@ fn overlays_come_and_need_no_new_picture() {
 }
 
 #[test]
-fn a_free_orbit_goes_over_the_pole() {
+fn a_trackball_goes_over_the_pole_and_home_makes_upright() {
     let home = tempfile::tempdir().unwrap();
     let mut h = modeller("phantom:orange:32", home.path());
     let corner = h.get_by_label("Main view").rect().left_top() + Vec2::splat(20.0);
@@ -386,11 +443,22 @@ fn a_free_orbit_goes_over_the_pole() {
     assert!((80.0..90.0).contains(&pitch(&h)));
     h.get_by_label("View").click();
     h.run_steps(4);
-    h.get_by_label("Orbit: Free, over the poles").click();
+    h.get_by_label("Orbit: Trackball").click();
     h.run_steps(4);
     key(&mut h, Modifiers::NONE, Key::Escape);
-    turn(&mut h);
-    assert!(pitch(&h).abs() > 120.0, "{}", pitch(&h));
+    // on from nearly above, through the middle of the ball
+    let rect = h.get_by_label("Main view").rect();
+    drag(
+        &mut h,
+        rect.center_top() + Vec2::new(0.0, 20.0),
+        Vec2::new(0.0, 560.0),
+        PointerButton::Middle,
+        Modifiers::NONE,
+    );
+    let roll = |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().camera.roll;
+    assert!(pitch(&h) < 60.0 && roll(&h).abs() > 170.0, "{} {}", pitch(&h), roll(&h));
+    key(&mut h, Modifiers::NONE, Key::Home);
+    assert_eq!(roll(&h), 0.0);
 }
 
 /// Longer than any 3D texture, though small: half of it is drawn, with a word about it, and nothing of the document changes.

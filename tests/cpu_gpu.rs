@@ -15,7 +15,7 @@ use voxclay::render::{
     render_until,
 };
 use voxclay::volume::sampling::{Interpolation, Sampler};
-use voxclay::volume::transfer::{ControlPoint, TransferFunction, Window};
+use voxclay::volume::transfer::{ControlPoint, Region, TransferFunction, Window};
 use voxclay::volume::{Grid, Samples, Scalar, ScalarType, Space, Volume};
 use voxclay::with_samples;
 
@@ -85,7 +85,14 @@ fn tf() -> TransferFunction {
             p(0.6, [0.3, 0.8, 0.9], 0.04),
             p(0.9, [1.0, 1.0, 0.9], 0.7),
         ],
+        regions: vec![],
     }
+}
+
+/// A border that is faint, and one that is steep.
+fn regions() -> Vec<Region> {
+    let region = |value, steepness, color| Region { value, steepness, foot: 0.5, soft: 0.6, opacity: 0.3, color };
+    vec![region([0.1, 0.6], [0.01, 0.08], None), region([0.3, 1.0], [0.05, 1.0], Some([0.3, 0.7, 1.0]))]
 }
 
 /// One deformer of each kind, overlapping; one of them of half its effect.
@@ -126,6 +133,7 @@ fn camera(perspective: bool) -> Camera {
         target: grid().center(),
         yaw: 25.0,
         pitch: 15.0,
+        roll: 0.0,
         radius: 36.0,
         zoom: 1.5,
         projection: if perspective { Projection::Perspective { fov_y: 50.0 } } else { Projection::Orthographic },
@@ -139,10 +147,12 @@ struct Scene {
     perspective: bool,
     deformed: bool,
     exact: bool,
+    /// Opacity by value and steepness.
+    regions: bool,
 }
 
 fn scene(what: &'static str, volume: Volume) -> Scene {
-    Scene { what, volume, look: Look::default(), perspective: false, deformed: false, exact: false }
+    Scene { what, volume, look: Look::default(), perspective: false, deformed: false, exact: false, regions: false }
 }
 
 fn iso(value: f64) -> Shading {
@@ -155,7 +165,8 @@ fn pictures(gpu: &Arc<Gpu>, s: &Scene) -> (Picture, Picture) {
     let stack = stack();
     let map: &dyn BackwardMap = if s.deformed { &stack } else { &Identity };
     let geometry = Arc::new(box_slices(&field.grid, &camera, map, 1.0, if s.deformed { 4 } else { 0 }));
-    let table = Arc::new(ClassTable::build(&tf(), 1.0, s.look.preintegrated));
+    let transfer = TransferFunction { regions: if s.regions { regions() } else { vec![] }, ..tf() };
+    let table = Arc::new(ClassTable::build(&transfer, 1.0, s.look.preintegrated));
     let frame = Frame::new(&camera, &s.look, &field, field.range, &geometry, 120, 100);
     let texture_from_world = field.grid.texture_from_world();
     let exact = s.exact.then_some(Exact { map: &stack, texture_from_world });
@@ -219,6 +230,14 @@ fn volume_pictures_agree() {
             ..scene("opacity by steepness, rgba", volume(U8, 4))
         },
         Scene { look: Look { transparent: true, lit: false, ..base }, ..scene("transparent", volume(U8, 4)) },
+        Scene { regions: true, ..scene("regions", volume(U8, 1)) },
+        Scene { regions: true, deformed: true, perspective: true, ..scene("regions, deformed", volume(F32, 1)) },
+        Scene {
+            regions: true,
+            look: Look { gradient_opacity: Some([0.005, 0.04]), lit: false, ..base },
+            ..scene("regions and opacity by steepness, rgba", volume(U8, 4))
+        },
+        Scene { regions: true, exact: true, ..scene("regions, exact", volume(U16, 1)) },
     ];
     agree_on(&gpu(), &scenes, 45.0);
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use proptest::prelude::*;
 use voxclay::volume::phantom::{LARGEST, Phantom};
-use voxclay::volume::transfer::{ControlPoint, TransferFunction, Window};
+use voxclay::volume::transfer::{ControlPoint, Region, TransferFunction, Window};
 use voxclay::volume::{ScalarType, Space, Volume};
 
 /// Nearest sample at a world point.
@@ -430,6 +430,7 @@ fn classification_is_linear_between_points_and_constant_beyond() {
         name: String::new(),
         window: Window::Auto,
         points: vec![p(0.25, 0.0, 0.0), p(0.75, 1.0, 0.5), p(0.75, 1.0, 0.9)],
+        regions: Vec::new(),
     };
     assert_eq!(tf.classify(0.1), [0.0; 4]);
     assert!((tf.classify(0.5)[3] - 0.25).abs() < 1e-6);
@@ -463,12 +464,24 @@ fn any_function() -> impl Strategy<Value = TransferFunction> {
         (-1e9f64..1e9, 1e-6f64..1e9).prop_map(|(lo, w)| Window::Values { lo, hi: lo + w }),
         (-3000i32..3000, 1i32..5000).prop_map(|(lo, w)| Window::Values { lo: lo.into(), hi: (lo + w).into() }),
     ];
-    ("([a-zA-Z#][a-zA-Z0-9 #-]{0,12}[a-z#])?", window, prop::collection::vec(point, 1..12)).prop_map(
-        |(name, window, points)| {
+    let region =
+        ([unit(), unit()], [unit(), unit()], [unit(), unit(), unit()], prop::option::of([unit(), unit(), unit()]))
+            .prop_map(|(value, steepness, [foot, soft, opacity], color)| Region {
+                value,
+                steepness,
+                foot,
+                soft,
+                opacity,
+                color,
+            });
+    let regions = prop::collection::vec(region, 0..3);
+    ("([a-zA-Z#][a-zA-Z0-9 #-]{0,12}[a-z#])?", window, prop::collection::vec(point, 1..12), regions).prop_map(
+        |(name, window, points, mut regions)| {
+            regions.retain(|r| r.value[0] < r.value[1] && r.steepness[0] < r.steepness[1]);
             let mut points: Vec<_> =
                 points.into_iter().map(|(at, color, opacity)| ControlPoint { at, color, opacity }).collect();
             points.sort_by(|a, b| a.at.total_cmp(&b.at));
-            TransferFunction { name, window, points }
+            TransferFunction { name, window, points, regions }
         },
     )
 }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use voxclay::math::{BackwardMap, Identity, OrientedBox};
 use voxclay::render::{
-    Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Shading, SliceGeometry, SliceVertex,
-    render,
+    Camera, ClassTable, Exact, Field, Frame, Gradient, Look, Picture, Projection, Second, Shading, SliceGeometry,
+    SliceVertex, render,
 };
-use voxclay::volume::transfer::{ControlPoint, TransferFunction, Window, linear_from_srgb, srgb_from_linear};
+use voxclay::volume::transfer::{ControlPoint, Region, TransferFunction, Window, linear_from_srgb, srgb_from_linear};
 use voxclay::volume::{Grid, Samples, Space, Volume};
 
 mod pictures;
@@ -19,7 +19,7 @@ use slices::{box_slices, mapped_slices};
 
 fn transfer(points: &[(f32, [f32; 3], f32)]) -> TransferFunction {
     let points = points.iter().map(|&(at, color, opacity)| ControlPoint { at, color, opacity }).collect();
-    TransferFunction { name: "test".into(), window: Window::Auto, points }
+    TransferFunction { name: "test".into(), window: Window::Auto, points, regions: vec![] }
 }
 
 fn clay() -> TransferFunction {
@@ -73,7 +73,7 @@ fn tilted() -> DAffine3 {
 
 fn camera(grid: &Grid, projection: Projection) -> Camera {
     let radius = 0.5 * (grid.corners()[7] - grid.corners()[0]).length();
-    Camera { target: grid.center(), yaw: 30.0, pitch: 20.0, radius, zoom: 1.0, projection }
+    Camera { target: grid.center(), yaw: 30.0, pitch: 20.0, roll: 0.0, radius, zoom: 1.0, projection }
 }
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 30.0 };
@@ -126,13 +126,18 @@ impl Reference<'_> {
         ((sum - window[0]) / (window[1] - window[0])).clamp(0.0, 1.0)
     }
 
-    /// What is left of an opacity by the steepness of the undeformed values.
-    fn part_by_steepness(&self, x: DVec3) -> f64 {
-        let Some([from, to]) = self.look.gradient_opacity.map(|g| g.map(f64::from)) else { return 1.0 };
+    /// How steep the undeformed values are, in parts of the window per voxel.
+    fn steepness(&self, x: DVec3) -> f64 {
         let size = self.field.grid.size();
         let d =
             DVec3::from([DVec3::X, DVec3::Y, DVec3::Z].map(|e| self.value(x + e / size) - self.value(x - e / size)));
-        ((0.5 * d.length() - from) / (to - from)).clamp(0.0, 1.0)
+        0.5 * d.length()
+    }
+
+    /// What is left of an opacity by the steepness.
+    fn part_by_steepness(&self, x: DVec3) -> f64 {
+        let Some([from, to]) = self.look.gradient_opacity.map(|g| g.map(f64::from)) else { return 1.0 };
+        ((self.steepness(x) - from) / (to - from)).clamp(0.0, 1.0)
     }
 
     /// Factor of the colour and what is added per opacity.
@@ -190,7 +195,9 @@ impl Reference<'_> {
                     }
                 }
                 Shading::Volume => {
-                    let e = self.table.lookup(sf as f32, sb as f32).map(f64::from);
+                    let by_steepness = self.table.second == Second::Steepness;
+                    let second = if by_steepness { 1.0 - self.steepness(front).sqrt() } else { sb };
+                    let e = self.table.lookup(sf as f32, second as f32).map(f64::from);
                     let part = self.part_by_steepness(front);
                     if e[3] * part > 0.0 {
                         let a = 1.0 - (1.0 - e[3] * part).powf(stretch);
@@ -375,6 +382,21 @@ fn opacity_by_steepness_agrees_with_the_reference() {
         assert_eq!(case.render().pixels, plain.pixels);
         case.look = Look { gradient_opacity: Some([5.0, 6.0]), transparent: true, ..case.look };
         assert!(case.render().pixels.iter().all(|p| p[3] == 0));
+    }
+}
+
+#[test]
+fn regions_agree_with_the_reference() {
+    let field = volume([24, 20, 26], tilted(), blob, as_u16);
+    let region = |value, steepness, color| Region { value, steepness, foot: 0.4, soft: 0.6, opacity: 0.35, color };
+    let regions = vec![region([0.2, 0.7], [0.01, 0.2], None), region([0.5, 1.0], [0.0, 0.06], Some([0.3, 0.7, 1.0]))];
+    for (lit, gradient_opacity) in [(false, None), (true, None), (true, Some([0.02, 0.1]))] {
+        let mut case = Case::new(&field);
+        let plain = case.render();
+        case.tf.regions.clone_from(&regions);
+        case.look = Look { lit, gradient_opacity, ..case.look };
+        case.agrees(50.0, &format!("regions, lit {lit}, {gradient_opacity:?}"));
+        assert!(case.render() != plain);
     }
 }
 

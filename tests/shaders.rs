@@ -30,7 +30,7 @@ fn every_variant_of_slicing_is_valid() {
         assert!(source.contains(&format!("fn {}", v.mode.entry())));
         count += 1;
     }
-    assert_eq!(count, 384);
+    assert_eq!(count, 576);
 }
 
 #[test]

@@ -113,6 +113,7 @@ impl Shot {
             target: to_world.transform_point3(middle + self.offset * size),
             yaw: self.yaw,
             pitch: self.pitch,
+            roll: 0.0,
             radius: 0.5 * to_world.transform_vector3(size).length(),
             zoom: self.zoom,
             projection: self.fov_y.map_or(Projection::Orthographic, |fov_y| Projection::Perspective { fov_y }),

@@ -220,7 +220,9 @@ pub fn show(m: &mut Modeller, ui: &egui::Ui, rect: Rect, scene: &Scene) {
                 }
             }
         } else {
-            view::drag(m, scene, rect, delta, inset.center(), modifiers);
+            // as far from the middle as in the main view
+            let from_middle = at.map_or(Vec2::ZERO, |at| at - inset.center());
+            view::drag(m, scene, rect, delta, rect.center() + from_middle, modifiers);
         }
     }
     if response.drag_stopped() {

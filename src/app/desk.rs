@@ -6,6 +6,7 @@ use eframe::egui;
 use crate::evaluate::load::{Data, Object};
 use crate::evaluate::masked::ValueMask;
 use crate::scene::{Document, History, VolumeSource};
+use crate::volume::joint::JointHistogram;
 
 /// The document that is open, with its samples.
 pub struct Desk {
@@ -21,6 +22,8 @@ pub struct Desk {
     pub preview: Option<Arc<Document>>,
     /// What strokes take hold of, for the range it was made for.
     pub mask: Option<Arc<ValueMask>>,
+    /// Of values and steepness, once it was asked for.
+    pub joint: Option<Arc<JointHistogram>>,
 }
 
 impl Desk {

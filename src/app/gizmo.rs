@@ -214,6 +214,7 @@ mod tests {
             target: DVec3::ZERO,
             yaw: 25.0,
             pitch: 15.0,
+            roll: 0.0,
             radius: 100.0,
             zoom: 1.0,
             projection: Projection::Orthographic,

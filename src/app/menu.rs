@@ -93,7 +93,7 @@ fn toggle(ui: &mut egui::Ui, on: &mut bool, name: &str, key: &str, what: String)
         ui.spacing_mut().item_spacing.x = 0.0;
         let row = egui::Button::new(name).shortcut_text(key);
         let (mark_at, _) = ui.allocate_exact_size(Vec2::new(width, 24.0), egui::Sense::hover());
-        ui.put(mark_at, egui::Label::new(mark.size(14.0).color(theme::ACCENT)));
+        ui.put(mark_at, egui::Label::new(mark.size(14.0).color(theme::accent_text(ui))));
         let size = Vec2::new(ui.available_width(), 24.0);
         let response = ui.add(row.min_size(size)).on_hover_text(what);
         response.widget_info(|| egui::WidgetInfo::selected(egui::Role::MenuItemCheckBox, true, *on, name));
@@ -220,7 +220,8 @@ fn view_menu(m: &mut Modeller, ui: &mut egui::Ui) {
         ui.separator();
         let before = m.settings.orbit;
         for orbit in Orbit::ALL {
-            ui.radio_value(&mut m.settings.orbit, orbit, format!("Orbit: {}", orbit.name()));
+            let name = format!("Orbit: {}", orbit.name());
+            ui.radio_value(&mut m.settings.orbit, orbit, name).on_hover_text(orbit.hint());
         }
         if m.settings.orbit != before {
             let ctx = ui.ctx().clone();

@@ -1,15 +1,18 @@
 //! The camera in the hand: orbit, pan, zoom, standard views. Pure functions of a saved camera.
 
-use eframe::egui::{Rect, Vec2};
-use glam::{DVec2, DVec3};
+use eframe::egui::{Pos2, Rect, Vec2};
+use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::render::{Camera, Projection};
 use crate::scene::CameraSpec;
+use crate::volume::Space;
 
 /// Degrees for a drag over the smaller side of the view.
 const TURN: f64 = 180.0;
 const STEEPEST: f64 = 89.9;
+/// Radius of the trackball, in parts of the view's smaller side.
+const BALL: f32 = 0.4;
 
 /// How a drag turns the view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -18,35 +21,80 @@ pub enum Orbit {
     /// Up stays up.
     #[default]
     Turntable,
-    /// Over the poles and on, until the object stands on its head.
-    Free,
+    /// As if the object were a ball under the hand; round its rim it rolls.
+    #[serde(alias = "free")]
+    Trackball,
 }
 
 impl Orbit {
-    pub const ALL: [Self; 2] = [Self::Turntable, Self::Free];
+    pub const ALL: [Self; 2] = [Self::Turntable, Self::Trackball];
 
     pub fn name(self) -> &'static str {
         match self {
             Self::Turntable => "Turntable",
-            Self::Free => "Free, over the poles",
+            Self::Trackball => "Trackball",
+        }
+    }
+
+    /// What it does.
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Turntable => "What is up stays up",
+            Self::Trackball => {
+                "The object turns as a ball under the hand; round its rim it rolls. Home makes it upright"
+            }
         }
     }
 }
 
-/// Right drags the front to the right, down shows more of the top.
-pub fn orbit(camera: &CameraSpec, how: Orbit, drag: Vec2, view: Rect) -> CameraSpec {
+/// A drag of `drag` that ended at `at`. Right drags the front to the right, down shows more of the top.
+pub fn orbit(camera: &CameraSpec, how: Orbit, at: Pos2, drag: Vec2, view: Rect) -> CameraSpec {
+    match how {
+        Orbit::Turntable => turntable(&upright(camera), drag, view),
+        Orbit::Trackball => trackball(camera, at - drag, at, view),
+    }
+}
+
+fn turntable(camera: &CameraSpec, drag: Vec2, view: Rect) -> CameraSpec {
     let side = f64::from(view.width().min(view.height()).max(1.0));
-    let pitch = camera.pitch + f64::from(drag.y) / side * TURN;
-    // on its head, what is in front goes the other way round
-    let upright = if camera.pitch.to_radians().cos() < 0.0 { -1.0 } else { 1.0 };
+    // along the world's up and across it, where a roll was left
+    let (s, c) = camera.roll.to_radians().sin_cos();
+    let (x, y) = (f64::from(drag.x), f64::from(drag.y));
+    let (x, y) = (x * c + y * s, y * c - x * s);
     CameraSpec {
-        yaw: wrap(camera.yaw - upright * f64::from(drag.x) / side * TURN),
-        pitch: match how {
-            Orbit::Turntable => pitch.clamp(-STEEPEST, STEEPEST),
-            Orbit::Free => wrap(pitch),
-        },
+        yaw: wrap(camera.yaw - x / side * TURN),
+        pitch: (camera.pitch + y / side * TURN).clamp(-STEEPEST, STEEPEST),
         ..*camera
     }
+}
+
+/// What lies on a ball round the middle follows the pointer. Outside the ball goes on as a hyperbola (Bell), so that a drag round
+/// the rim rolls the picture.
+fn trackball(camera: &CameraSpec, from: Pos2, to: Pos2, view: Rect) -> CameraSpec {
+    let radius = BALL * view.width().min(view.height()).max(1.0);
+    let on_ball = |p: Pos2| {
+        let v = (p - view.center()) / radius;
+        let (x, y) = (f64::from(v.x), f64::from(-v.y));
+        let far = x * x + y * y;
+        DVec3::new(x, y, if far < 0.5 { (1.0 - far).sqrt() } else { 0.5 / far.sqrt() })
+    };
+    let (p, q) = (on_ball(from), on_ball(to));
+    let Some(axis) = p.cross(q).try_normalize() else { return *camera };
+    let angle = 2.0 * (0.5 * (q - p).length()).min(1.0).asin();
+    // the camera goes the other way
+    turned(camera, DMat3::from_axis_angle(axis, -angle))
+}
+
+/// The camera turned in its own axes.
+fn turned(camera: &CameraSpec, turn: DMat3) -> CameraSpec {
+    let axes = camera.camera(Space::Unknown, DVec3::ZERO, 1.0).axes() * turn;
+    let [yaw, pitch, roll] = Camera::angles_of(&axes, camera.yaw);
+    CameraSpec { yaw, pitch, roll, ..*camera }
+}
+
+/// The same view with a pitch within -90 to 90: on its head by its roll.
+fn upright(camera: &CameraSpec) -> CameraSpec {
+    if camera.pitch.abs() <= 90.0 { *camera } else { turned(camera, DMat3::IDENTITY) }
 }
 
 /// The picture follows the hand in the plane of the target.
@@ -68,9 +116,9 @@ pub fn zoom(spec: &CameraSpec, camera: &Camera, factor: f64, pointer: Option<Vec
     CameraSpec { zoom, offset: spec.offset + shift, ..*spec }
 }
 
-/// Everything in view, from where it is seen now.
+/// Everything in view and upright, from where it is seen now.
 pub fn frame(spec: &CameraSpec) -> CameraSpec {
-    CameraSpec { zoom: 1.0, offset: DVec3::ZERO, ..*spec }
+    CameraSpec { zoom: 1.0, offset: DVec3::ZERO, roll: 0.0, ..upright(spec) }
 }
 
 /// The standard views.
@@ -118,7 +166,7 @@ impl Standard {
             Self::Top => (0.0, STEEPEST),
             Self::Bottom => (0.0, -STEEPEST),
         };
-        CameraSpec { yaw, pitch, ..*spec }
+        CameraSpec { yaw, pitch, roll: 0.0, ..*spec }
     }
 }
 
@@ -217,31 +265,93 @@ mod tests {
     fn orbit_stays_in_range() {
         let mut spec = CameraSpec::default();
         for _ in 0..50 {
-            spec = orbit(&spec, Orbit::Turntable, Vec2::new(-333.0, 500.0), view());
+            spec = orbit(&spec, Orbit::Turntable, view().center(), Vec2::new(-333.0, 500.0), view());
         }
-        assert!(spec.pitch <= STEEPEST && (-180.0..=180.0).contains(&spec.yaw));
+        assert!(spec.pitch <= STEEPEST && (-180.0..=180.0).contains(&spec.yaw) && spec.roll == 0.0);
+    }
+
+    /// The largest angle between the axes of two views, in degrees.
+    fn apart(a: &CameraSpec, b: &CameraSpec) -> f64 {
+        let (a, b) = (camera(a).axes(), camera(b).axes());
+        (0..3).map(|i| a.col(i).angle_between(b.col(i)).to_degrees()).fold(0.0, f64::max)
     }
 
     #[test]
-    fn a_free_orbit_goes_over_the_pole_without_a_jump() {
-        let mut spec = CameraSpec { pitch: 80.0, ..CameraSpec::default() };
-        let mut before = camera(&spec).axes();
-        let mut least = f64::MAX;
-        for _ in 0..60 {
-            spec = orbit(&spec, Orbit::Free, Vec2::new(0.0, 20.0), view());
-            let axes = camera(&spec).axes();
-            // no axis of the view turns by more than the drag does
-            for (a, b) in [(axes.x_axis, before.x_axis), (axes.y_axis, before.y_axis), (axes.z_axis, before.z_axis)] {
-                least = least.min(a.dot(b));
+    fn a_trackball_follows_the_hand_in_any_position() {
+        let fov_y = None;
+        // from the front, over a pole, rolled, and on its head as older files have it
+        for (yaw, pitch, roll) in [(20.0, 10.0, 0.0), (0.0, 89.99, 0.0), (-130.0, -60.0, 75.0), (40.0, 170.0, 0.0)] {
+            let spec = CameraSpec { yaw, pitch, roll, fov_y, zoom: 1.0, offset: DVec3::ZERO };
+            let seen = camera(&spec);
+            let (axes, radius) = (seen.axes(), 100.0 * 2.0 * f64::from(BALL));
+            // a point of the ball, and where it is seen
+            let on_ball = |x: f64, y: f64| seen.target + axes * DVec3::new(x, y, (1.0 - x * x - y * y).sqrt()) * radius;
+            let at = |spec: &CameraSpec, p: DVec3| Projector::new(&camera(spec), view()).project(p).unwrap();
+            let p = on_ball(0.3, -0.2);
+            let from = at(&spec, p);
+            for way in [Vec2::new(60.0, 0.0), Vec2::new(0.0, 40.0), Vec2::new(-25.0, -35.0)] {
+                let after = orbit(&spec, Orbit::Trackball, from + way, way, view());
+                assert!((at(&after, p) - from - way).length() < 0.2, "{spec:?}: {}", at(&after, p) - from);
+                assert!(after.pitch.abs() <= 90.0);
+                let back = orbit(&after, Orbit::Trackball, from, -way, view());
+                assert!(apart(&back, &spec) < 1e-3, "{spec:?}");
             }
-            before = axes;
         }
-        let step: f64 = 20.0 / 600.0 * TURN;
-        assert!(least > step.to_radians().cos() - 1e-9, "{least}");
-        // on its head, what is in front still follows the hand
-        let spec = CameraSpec { pitch: 170.0, ..CameraSpec::default() };
-        let front = camera(&spec).to_eye() * 50.0 + camera(&spec).target;
+    }
+
+    #[test]
+    fn a_drag_round_the_rim_rolls_and_home_makes_upright() {
+        let start = CameraSpec { yaw: 30.0, pitch: 20.0, ..CameraSpec::default() };
+        let mut spec = start;
+        let place = |degrees: f32| view().center() + Vec2::angled(degrees.to_radians()) * 290.0;
+        // the screen's y points down: this is clockwise
+        for degrees in 0..30 {
+            let (from, to) = (place(degrees as f32), place(degrees as f32 + 1.0));
+            spec = orbit(&spec, Orbit::Trackball, to, to - from, view());
+        }
+        // on the hyperbola a degree of the pointer is nearly one of the picture
+        assert!((20.0..35.0).contains(&spec.roll), "{spec:?}");
+        let before = camera(&start).to_eye();
+        assert!(camera(&spec).to_eye().angle_between(before).to_degrees() < 15.0);
+        // a turntable keeps the roll, and what is in front follows the hand
+        let front = camera(&spec).target + camera(&spec).to_eye() * 50.0;
         let seen = |spec: &CameraSpec| Projector::new(&camera(spec), view()).project(front).unwrap();
-        assert!(seen(&orbit(&spec, Orbit::Free, Vec2::new(10.0, 0.0), view())).x > seen(&spec).x);
+        for way in [Vec2::new(9.0, 0.0), Vec2::new(0.0, 9.0)] {
+            let after = orbit(&spec, Orbit::Turntable, view().center(), way, view());
+            let moved = seen(&after) - seen(&spec);
+            assert!(after.roll == spec.roll && moved.dot(way) > 0.0 && moved.normalized().dot(way.normalized()) > 0.9);
+        }
+        let home = frame(&spec);
+        assert!(home.roll == 0.0 && home.yaw == spec.yaw && home.pitch == spec.pitch);
+        for standard in Standard::ALL {
+            assert_eq!(standard.of(&spec).roll, 0.0);
+        }
+        // on its head as older files have it: the same view first, and upright at home
+        let head = CameraSpec { pitch: 170.0, ..start };
+        let still = orbit(&head, Orbit::Turntable, view().center(), Vec2::ZERO, view());
+        assert!(apart(&still, &head) < 1e-6 && still.pitch.abs() < 90.0);
+        assert!(camera(&frame(&head)).axes().y_axis.z > 0.0);
+    }
+
+    #[test]
+    fn a_trackball_goes_over_the_pole_without_a_jump() {
+        let mut spec = CameraSpec { pitch: 80.0, ..CameraSpec::default() };
+        for _ in 0..60 {
+            let before = spec;
+            spec = orbit(&spec, Orbit::Trackball, view().center(), Vec2::new(0.0, 8.0), view());
+            let turn = f64::from(8.0 / (BALL * 600.0)).to_degrees();
+            assert!(apart(&spec, &before) < 1.05 * turn, "{before:?} {spec:?}");
+        }
+        // over the top and past what was behind
+        assert!(apart(&spec, &CameraSpec::default()) > 90.0);
+    }
+
+    #[test]
+    fn settings_of_before_are_read() {
+        let orbit: Orbit = serde_json::from_str("\"free\"").unwrap();
+        assert_eq!(orbit, Orbit::Trackball);
+        let spec: CameraSpec = serde_json::from_str(r#"{"yaw": 12.0, "pitch": 3.0}"#).unwrap();
+        assert_eq!((spec.yaw, spec.pitch, spec.roll), (12.0, 3.0, 0.0));
+        assert!(!serde_json::to_string(&spec).unwrap().contains("roll"));
     }
 }

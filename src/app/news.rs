@@ -120,6 +120,13 @@ impl Modeller {
                         desk.mask = Some(mask);
                     }
                 }
+                Outcome::Counted(data, joint) => {
+                    if let Some(desk) = &mut self.desk
+                        && Arc::ptr_eq(&desk.data, &data)
+                    {
+                        desk.joint = Some(joint);
+                    }
+                }
                 Outcome::Nothing => {}
                 Outcome::Failed(what) => {
                     self.then = After::Nothing;
@@ -171,7 +178,7 @@ impl Modeller {
         self.measure.clear();
         self.sections = None;
         self.panels = PanelState::default();
-        self.desk = Some(Desk { history, path, base, data, object: None, preview: None, mask: None });
+        self.desk = Some(Desk { history, path, base, data, object: None, preview: None, mask: None, joint: None });
         for w in warnings {
             self.tell(w, false);
         }

@@ -138,6 +138,8 @@ pub fn ring(painter: &Painter, projector: &Projector, at: DVec3, normal: DVec3, 
             projector.project(at + (frame.e1 * c + frame.e2 * s) * radius)
         })
         .collect();
+    // a shadow, as the ground may be as bright as the line
+    painter.line(points.clone(), Line::new(3.0, Color32::from_black_alpha(color.a() / 3)));
     painter.line(points, Line::new(1.5, color));
 }
 

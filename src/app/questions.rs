@@ -238,7 +238,7 @@ fn key_group(ui: &mut egui::Ui, group: &str) {
             let middle = egui::Layout::left_to_right(egui::Align::Center);
             ui.allocate_ui_with_layout(egui::vec2(176.0, 20.0), middle, |ui| {
                 ui.set_min_width(176.0);
-                ui.label(RichText::new(*key).monospace().color(theme::ACCENT));
+                ui.label(RichText::new(*key).monospace().color(theme::accent_text(ui)));
             });
             ui.label(*what);
         });

@@ -327,6 +327,7 @@ mod tests {
             target: DVec3::ZERO,
             yaw: 20.0,
             pitch: 10.0,
+            roll: 0.0,
             radius: 100.0,
             zoom: 1.0,
             projection: crate::render::Projection::Orthographic,

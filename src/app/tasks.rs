@@ -21,6 +21,7 @@ use crate::io;
 use crate::render::Look;
 use crate::scene::{self, Document, Kept, VolumeSource};
 use crate::volume::Volume;
+use crate::volume::joint::{self, JointHistogram};
 
 /// A document with its samples, ready to be worked on.
 #[derive(Debug)]
@@ -84,6 +85,8 @@ pub enum Outcome {
     Chosen(Purpose, PathBuf),
     /// A mask by value, of this volume.
     Masked(Arc<Data>, Arc<ValueMask>),
+    /// The joint histogram of this volume.
+    Counted(Arc<Data>, Arc<JointHistogram>),
     /// Nothing was chosen, or it was cancelled: nothing more to say.
     Nothing,
     Failed(String),
@@ -396,6 +399,17 @@ pub fn mask(ctx: &egui::Context, data: Arc<Data>, range: [f64; 2]) -> Task {
     Task::start(ctx, MASKING, false, move |_| {
         let mask = ValueMask::of(&data.volume, range);
         Ok(Outcome::Masked(data, Arc::new(mask)))
+    })
+}
+
+/// What the joint histogram is called in the status bar.
+pub const COUNTING: &str = "Counting values and steepness";
+
+/// Counts how often values meet steepness.
+pub fn joint(ctx: &egui::Context, data: Arc<Data>) -> Task {
+    Task::start(ctx, COUNTING, false, move |_| {
+        let made = joint::joint(&data.volume, data.volume.channels - 1, data.field.range);
+        Ok(Outcome::Counted(data, Arc::new(made)))
     })
 }
 

@@ -25,6 +25,8 @@ struct Palette {
     widget: Color32,
     hovered: Color32,
     line: Color32,
+    /// Round widgets.
+    edge: Color32,
     text: Color32,
     dim: Color32,
 }
@@ -35,6 +37,7 @@ const DARK: Palette = Palette {
     widget: Color32::from_rgb(0x2c, 0x30, 0x35),
     hovered: Color32::from_rgb(0x38, 0x3d, 0x43),
     line: Color32::from_rgb(0x33, 0x38, 0x3e),
+    edge: Color32::from_rgb(0x2c, 0x30, 0x35),
     text: Color32::from_rgb(0xd9, 0xdc, 0xdf),
     dim: Color32::from_rgb(0x8b, 0x92, 0x99),
 };
@@ -45,6 +48,7 @@ const LIGHT: Palette = Palette {
     widget: Color32::from_rgb(0xdc, 0xdf, 0xe2),
     hovered: Color32::from_rgb(0xcd, 0xd1, 0xd5),
     line: Color32::from_rgb(0xc4, 0xc8, 0xcc),
+    edge: Color32::from_rgb(0xb2, 0xb7, 0xbc),
     text: Color32::from_rgb(0x22, 0x26, 0x2a),
     dim: Color32::from_rgb(0x63, 0x6a, 0x71),
 };
@@ -52,6 +56,15 @@ const LIGHT: Palette = Palette {
 /// sRGB at the top and the bottom of the view where the document says nothing.
 pub fn view_ground(dark: bool) -> [[f32; 3]; 2] {
     if dark { crate::render::Look::default().background } else { [[0.86, 0.875, 0.89], [0.70, 0.72, 0.745]] }
+}
+
+/// The accent for letters: on light panels darker, or they are hard to read.
+pub fn accent_text(ui: &egui::Ui) -> Color32 {
+    accent_on(if ui.visuals().dark_mode { Theme::Dark } else { Theme::Light })
+}
+
+fn accent_on(theme: Theme) -> Color32 {
+    if theme == Theme::Dark { ACCENT } else { Color32::from_rgb(0x8f, 0x5a, 0x00) }
 }
 
 /// Text that is there but not loud.
@@ -102,13 +115,14 @@ fn visuals(theme: Theme, p: &Palette) -> Visuals {
         expansion: 0.0,
     };
     v.widgets.noninteractive = widget(p.panel, p.line, p.text);
-    v.widgets.inactive = widget(p.widget, p.widget, p.text);
+    // on a light panel a box that is not ticked is hardly seen but by its line
+    v.widgets.inactive = widget(p.widget, p.edge, p.text);
     v.widgets.hovered = widget(p.hovered, p.hovered, p.text);
     v.widgets.active = widget(p.hovered, ACCENT, p.text);
     v.widgets.open = widget(p.hovered, p.hovered, p.text);
     v.selection.bg_fill = ACCENT.gamma_multiply(0.55);
     v.selection.stroke = Stroke::new(1.0, if theme == Theme::Dark { Color32::WHITE } else { p.text });
-    v.hyperlink_color = ACCENT;
+    v.hyperlink_color = accent_on(theme);
     v.weak_text_color = Some(p.dim);
     v.panel_fill = p.panel;
     v.window_fill = p.panel;
@@ -116,7 +130,7 @@ fn visuals(theme: Theme, p: &Palette) -> Visuals {
     v.extreme_bg_color = p.ground;
     v.faint_bg_color = p.widget;
     v.error_fg_color = ERROR;
-    v.warn_fg_color = ACCENT;
+    v.warn_fg_color = accent_on(theme);
     v.window_corner_radius = CornerRadius::same(8);
     v.menu_corner_radius = CornerRadius::same(4);
     v.slider_trailing_fill = true;

@@ -292,7 +292,7 @@ pub fn drag(m: &mut Modeller, scene: &Scene, rect: Rect, delta: Vec2, at: Pos2, 
     }
     let mut doing = std::mem::replace(&mut m.doing, Doing::Nothing);
     match &mut doing {
-        Doing::Orbit => m.edit(Edit::SetCamera(navigate::orbit(&scene.spec, m.settings.orbit, delta, rect))),
+        Doing::Orbit => m.edit(Edit::SetCamera(navigate::orbit(&scene.spec, m.settings.orbit, at, delta, rect))),
         Doing::Pan => m.edit(Edit::SetCamera(navigate::pan(&scene.spec, &scene.camera, delta, rect))),
         Doing::Wipe => m.view.wipe = ((at.x - rect.left()) / rect.width()).clamp(0.02, 0.98),
         Doing::Stroke { stroke, made } => {

@@ -91,9 +91,8 @@ impl<'a> Probe<'a> {
         Self { steep: look.gradient_opacity.map(|g| g.map(f64::from)), ..self }
     }
 
-    /// The part of its opacity that a point of the deformed world has by the steepness of the values there.
-    fn by_steepness(&self, point: DVec3) -> f64 {
-        let Some([from, to]) = self.steep else { return 1.0 };
+    /// How steeply the undeformed values change at what is at a point of the deformed world, in parts of the window per voxel.
+    fn steepness(&self, point: DVec3) -> f64 {
         let volume = &self.object.volume;
         let voxel = self.voxel_from_world.transform_point3(self.map.backward(point));
         let [lo, hi] = self.object.window;
@@ -103,8 +102,20 @@ impl<'a> Probe<'a> {
             let real = value(volume, v.clamp(DVec3::ZERO, last)).unwrap_or(lo);
             ((real - lo) / (hi - lo)).clamp(0.0, 1.0)
         };
-        let steepness = DVec3::from(DVec3::AXES.map(|e| 0.5 * (value(voxel + e) - value(voxel - e)))).length();
-        ((steepness - from) / (to - from).max(1e-6)).clamp(0.0, 1.0)
+        DVec3::from(DVec3::AXES.map(|e| 0.5 * (value(voxel + e) - value(voxel - e)))).length()
+    }
+
+    /// Opacity of a value at a point of the deformed world.
+    fn opacity(&self, value: f64, point: DVec3) -> f64 {
+        let (transfer, [lo, hi]) = (&self.object.transfer, self.object.window);
+        let s = ((value - lo) / (hi - lo)) as f32;
+        let by_value = || f64::from(transfer.classify(s)[3]);
+        if transfer.regions.is_empty() && (self.steep.is_none() || by_value() <= 0.0) {
+            return by_value();
+        }
+        let steepness = self.steepness(point);
+        let part = self.steep.map_or(1.0, |[from, to]| ((steepness - from) / (to - from).max(1e-6)).clamp(0.0, 1.0));
+        part * f64::from(transfer.at(s, steepness as f32)[3])
     }
 
     /// What is at a point of the deformed world; `None` beyond the volume. The normal is along the gradient.
@@ -136,8 +147,6 @@ impl<'a> Probe<'a> {
         let (first, last) = (crossings.first()?.max(0.0), *crossings.last()?);
         let inside = |t: f64| crossings.len() % 2 == 1 || crossings.partition_point(|c| *c <= t) % 2 == 1;
         let step = (0.5 * finest).max((last - first) / MOST_STEPS);
-        let [lo, hi] = object.window;
-        let opacity = |value: f64| f64::from(object.transfer.classify(((value - lo) / (hi - lo)) as f32)[3]);
         let mut through = 1.0;
         let mut before = None;
         let mut best: Option<(f64, f64)> = None;
@@ -161,8 +170,7 @@ impl<'a> Probe<'a> {
                         }
                     }
                     Shading::Volume => {
-                        let a = opacity(value);
-                        let a = if a > 0.0 { a * self.by_steepness(point) } else { a };
+                        let a = self.opacity(value, point);
                         let stepped = 1.0 - (1.0 - a).powf(step / finest);
                         if most.is_none_or(|(_, m)| stepped * through > m) && stepped > 2e-3 {
                             most = Some((t, stepped * through));

@@ -238,7 +238,11 @@ mod tests {
     fn table() -> ClassTable {
         let point = |at, opacity| ControlPoint { at, color: [1.0; 3], opacity };
         let points = vec![point(0.0, 0.0), point(0.3, 0.0), point(0.5, 0.4)];
-        ClassTable::build(&TransferFunction { name: "ball".into(), window: Window::Auto, points }, 1.0, true)
+        ClassTable::build(
+            &TransferFunction { name: "ball".into(), window: Window::Auto, points, regions: vec![] },
+            1.0,
+            true,
+        )
     }
 
     /// Slices across y, each of two triangles, as texture coordinates (x, z).
@@ -262,6 +266,7 @@ mod tests {
             target: field.grid.center(),
             yaw: 0.0,
             pitch: 0.0,
+            roll: 0.0,
             radius: 60.0,
             zoom: 1.0,
             projection: Projection::Orthographic,
@@ -313,7 +318,8 @@ mod tests {
     fn nothing_is_split_in_vain() {
         let (field, g) = (ball(), slices());
         let point = |at| ControlPoint { at, color: [1.0; 3], opacity: 0.5 };
-        let all = TransferFunction { name: "all".into(), window: Window::Auto, points: vec![point(0.0)] };
+        let all =
+            TransferFunction { name: "all".into(), window: Window::Auto, points: vec![point(0.0)], regions: vec![] };
         let table = ClassTable::build(&all, 1.0, true);
         let culled = cull(&g, Visibility::new(&field, &table, &frame(&field, &g, Shading::Volume)).unwrap());
         assert_eq!(culled, Culled { added: Vec::new(), indices: g.indices.clone(), slices: g.slices.clone() });

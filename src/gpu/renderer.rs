@@ -283,7 +283,7 @@ impl Renderer {
                     _ => Mode::Volume,
                 },
                 lit: frame.has(Frame::LIT),
-                preintegrated: table.preintegrated,
+                second: table.second,
                 forward: frame.has(Frame::FORWARD),
                 perspective: frame.eye[3] != 0.0,
                 rgba: object.field.channels == 4,

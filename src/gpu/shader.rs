@@ -5,6 +5,7 @@
 
 use std::fmt::Write;
 
+use crate::render::Second;
 use crate::warp::SNAP;
 
 const COMMON: &str = include_str!("../../shaders/common.wgsl");
@@ -55,7 +56,8 @@ impl Mode {
 pub struct Variant {
     pub mode: Mode,
     pub lit: bool,
-    pub preintegrated: bool,
+    /// What the table's second axis is.
+    pub second: Second,
     /// Forward differences towards the light instead of central ones.
     pub forward: bool,
     pub perspective: bool,
@@ -73,7 +75,8 @@ impl Variant {
         for (name, on) in [
             ("ISO", self.mode == Mode::Iso),
             ("LIT", self.lit),
-            ("PREINTEGRATED", self.preintegrated),
+            ("PREINTEGRATED", self.second == Second::Behind),
+            ("REGIONS", self.second == Second::Steepness),
             ("FORWARD", self.forward),
             ("PERSPECTIVE", self.perspective),
             ("RGBA", self.rgba),
@@ -88,15 +91,18 @@ impl Variant {
 
     /// Every variant, for the test that validates them.
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..Mode::ALL.len() << 7).map(|i| Self {
-            mode: Mode::ALL[i >> 7],
-            lit: i & 1 != 0,
-            preintegrated: i & 2 != 0,
-            forward: i & 4 != 0,
-            perspective: i & 8 != 0,
-            rgba: i & 16 != 0,
-            affine: i & 32 != 0,
-            exact: i & 64 != 0,
+        let kinds = Mode::ALL.into_iter().flat_map(|mode| Second::ALL.map(|second| (mode, second)));
+        kinds.flat_map(|(mode, second)| {
+            (0..1 << 6).map(move |i| Self {
+                mode,
+                second,
+                lit: i & 1 != 0,
+                forward: i & 2 != 0,
+                perspective: i & 4 != 0,
+                rgba: i & 8 != 0,
+                affine: i & 16 != 0,
+                exact: i & 32 != 0,
+            })
         })
     }
 }

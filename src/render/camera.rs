@@ -10,7 +10,7 @@ pub enum Projection {
     },
 }
 
-/// An orbiting camera: it looks at `target` from a direction given by yaw and pitch. The world's z axis is up.
+/// An orbiting camera: it looks at `target` from a direction given by yaw and pitch. Without roll the world's z axis is up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     pub target: DVec3,
@@ -18,6 +18,8 @@ pub struct Camera {
     pub yaw: f64,
     /// Degrees; positive raises the eye. Beyond 90 it looks from behind, with the world on its head.
     pub pitch: f64,
+    /// Degrees by which the picture is turned clockwise.
+    pub roll: f64,
     /// Radius of the sphere that fills the picture's smaller side, in world units, before `zoom`.
     pub radius: f64,
     pub zoom: f64,
@@ -31,7 +33,26 @@ impl Camera {
         let (sp, cp) = self.pitch.to_radians().sin_cos();
         let to_eye = DVec3::new(cp * sy, -cp * cy, sp);
         let right = DVec3::new(cy, sy, 0.0);
-        DMat3::from_cols(right, to_eye.cross(right), to_eye)
+        let up = to_eye.cross(right);
+        if self.roll == 0.0 {
+            return DMat3::from_cols(right, up, to_eye);
+        }
+        let (sr, cr) = self.roll.to_radians().sin_cos();
+        DMat3::from_cols(right * cr + up * sr, up * cr - right * sr, to_eye)
+    }
+
+    /// Yaw, pitch and roll in degrees of such axes; pitch within -90 to 90. Seen from a pole, yaw and roll are the same turn:
+    /// then yaw is `yaw`.
+    pub fn angles_of(axes: &DMat3, yaw: f64) -> [f64; 3] {
+        let e = axes.z_axis;
+        let level = e.x.hypot(e.y);
+        let yaw = if level > 1e-9 { e.x.atan2(-e.y) } else { yaw.to_radians() };
+        // the axes without roll, by which the roll is measured
+        let (sy, cy) = yaw.sin_cos();
+        let right = DVec3::new(cy, sy, 0.0);
+        let up = e.cross(right);
+        let roll = axes.x_axis.dot(up).atan2(axes.x_axis.dot(right));
+        [yaw, e.z.atan2(level), roll].map(f64::to_degrees)
     }
 
     /// Unit vector from the target to the eye: the normal of the slices.
@@ -91,5 +112,42 @@ impl Camera {
             }
         };
         proj * view
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_lead_to_axes_and_back() {
+        let camera = |[yaw, pitch, roll]: [f64; 3]| Camera {
+            target: DVec3::ZERO,
+            yaw,
+            pitch,
+            roll,
+            radius: 1.0,
+            zoom: 1.0,
+            projection: Projection::Orthographic,
+        };
+        for i in 0..400 {
+            let t = |k: f64| (f64::from(i) * k).fract() * 2.0 - 1.0;
+            let given = [180.0 * t(0.754_877), 89.0 * t(0.569_840), 180.0 * t(0.430_159)];
+            let back = Camera::angles_of(&camera(given).axes(), 7.0);
+            for (a, b) in given.into_iter().zip(back) {
+                assert!((a - b).abs() < 1e-9, "{given:?} {back:?}");
+            }
+        }
+        // what the angles of a view on its head or from a pole are called does not matter
+        for given in [[30.0, 120.0, 0.0], [-70.0, -170.0, 40.0], [25.0, 90.0, 15.0], [25.0, -90.0, 0.0]] {
+            let axes = camera(given).axes();
+            let back = camera(Camera::angles_of(&axes, 25.0));
+            assert!(back.pitch.abs() <= 90.0);
+            let off = (back.axes() - axes).to_cols_array().into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            assert!(off < 1e-9, "{given:?} {off}");
+        }
+        // clockwise: what is up leans to the right
+        let axes = camera([0.0, 0.0, 30.0]).axes();
+        assert!((DVec3::Z.dot(axes.x_axis) - 0.5).abs() < 1e-12);
     }
 }

@@ -7,7 +7,7 @@ use super::sampler::{Sampler, Texel};
 use super::shade::FINISHED;
 use super::skip::Skip;
 use super::tile::{HEIGHT, Scene, Tile, WIDTH};
-use super::{ClassTable, Exact, Field, Frame, Picture, SliceGeometry, TexelSlice};
+use super::{ClassTable, Exact, Field, Frame, Picture, Second, SliceGeometry, TexelSlice};
 use crate::math::lanes::Best;
 use crate::volume::transfer::linear_from_srgb;
 
@@ -73,7 +73,7 @@ fn draw<T: Texel, const C: usize>(
         skip: Skip::new(field, table, frame),
         frame,
         exact,
-        back: mode == Frame::ISO || (mode == Frame::VOLUME && table.preintegrated),
+        back: mode == Frame::ISO || (mode == Frame::VOLUME && table.second == Second::Behind),
         per_voxel: [0, 1, 2].map(|a: usize| 0.5 * frame.dims[a] * h),
         local_from_clip: clip.inverse(),
         best: Best::new(),

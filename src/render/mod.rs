@@ -19,6 +19,9 @@
 //!   stands for the value `i/255`: the coordinate of value s is `(s * 255 + 0.5) / 256`. Entries are linear-light, premultiplied,
 //!   and already for the distance of two slices along the view axis ([`ClassTable`]). Without pre-integration the table is
 //!   constant along its second axis, and `s(back)` need not be sampled.
+//! - *Regions* of the transfer function: opacity goes by the value and the steepness `g = |d| / 2` at `front`, `d` as below. The
+//!   table is then over `(s(front), 1 - sqrt(g))`, of the same size, and not pre-integrated; `s(back)` is not sampled, six
+//!   more values are, where the value alone does not tell that there is nothing.
 //! - *Opacity by steepness* ([`Look::gradient_opacity`]): colour and opacity of the table times
 //!   `clamp((|d| / 2 - from) / (to - from), 0, 1)`, `d` the differences of `s` over two texels along each axis at `front`: a property of
 //!   the undeformed material, so it does not change when that is stretched.
@@ -64,7 +67,7 @@ pub use field::{Field, TexelSlice, Texels};
 pub use frame::Frame;
 pub use look::{Gradient, Look, Shading};
 pub use picture::{Picture, PictureError};
-pub use table::{ClassTable, SIZE as TABLE_SIZE};
+pub use table::{ClassTable, SIZE as TABLE_SIZE, Second};
 
 use std::ops::Range;
 

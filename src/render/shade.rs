@@ -3,7 +3,7 @@
 use super::sampler::Texel;
 use super::table::INVISIBLE;
 use super::tile::{Scene, Tile, WIDTH};
-use super::{ClassTable, Frame, TABLE_SIZE};
+use super::{ClassTable, Frame, Second, TABLE_SIZE};
 use crate::math::lanes::{ALL, F8, I8, LANES, Machine};
 use crate::volume::transfer::linear_from_srgb;
 
@@ -115,11 +115,18 @@ impl Tile {
         if drawn == 0 {
             return 0;
         }
-        if scene.frame.has(Frame::STEEP) {
+        let by_steepness = scene.table.second == Second::Steepness;
+        if by_steepness || scene.frame.has(Frame::STEEP) {
             let d = scene.sampler.differences(m, &self.front_at(m, at), drawn);
             let steepness = dot(d, d).sqrt() * 0.5;
-            let part = ((steepness - scene.frame.window[3]) * scene.frame.iso_color[3]).clamp(0.0, 1.0);
-            (r, g, b, a) = (r * part, g * part, b * part, a * part);
+            if by_steepness {
+                // what was looked up before was the most there can be for the value
+                [r, g, b, a] = across(scene.table, value, one - steepness.sqrt());
+            }
+            if scene.frame.has(Frame::STEEP) {
+                let part = ((steepness - scene.frame.window[3]) * scene.frame.iso_color[3]).clamp(0.0, 1.0);
+                (r, g, b, a) = (r * part, g * part, b * part, a * part);
+            }
             drawn &= a.above(INVISIBLE);
             if drawn == 0 {
                 return 0;
@@ -288,7 +295,7 @@ fn entries_of<M: Machine>(value: F8<M>) -> (I8<M>, F8<M>) {
     (index, f - index.to_float())
 }
 
-/// Look-up in a table that does not depend on the value behind, by channels.
+/// Look-up in the first row of a table, by channels.
 #[inline(always)]
 fn along_front<M: Machine>(table: &ClassTable, value: F8<M>) -> [F8<M>; 4] {
     // one more than the row, so that what follows any index lies in it
@@ -304,8 +311,8 @@ fn along_front<M: Machine>(table: &ClassTable, value: F8<M>) -> [F8<M>; 4] {
 
 /// Bilinear look-up, by channels.
 #[inline(always)]
-fn across<M: Machine>(table: &ClassTable, front: F8<M>, behind: F8<M>) -> [F8<M>; 4] {
-    let ((i, x), (j, y)) = (entries_of(front), entries_of(behind));
+fn across<M: Machine>(table: &ClassTable, front: F8<M>, second: F8<M>) -> [F8<M>; 4] {
+    let ((i, x), (j, y)) = (entries_of(front), entries_of(second));
     let at = (i + j.shift_left::<8>()).lanes();
     let four = |l: usize| &table.entries[at[l] as usize..][..TABLE_SIZE + 2];
     let e = [four(0), four(1), four(2), four(3), four(4), four(5), four(6), four(7)];

@@ -13,6 +13,10 @@ const RESOLVED: usize = 8;
 /// a 16-bit picture.
 const OPAQUE: f64 = 16.0;
 
+/// Rows of a table by steepness that no steepness reaches: half the length of differences of at most 1 along three axes is
+/// below 0.8661. They hold the most opaque entry of each column, so that one look-up tells where nothing can be seen.
+const UNREACHED: usize = 17;
+
 /// Opacity below which a fragment is left out: 1000 slices of it stay below half a step of an 8-bit picture.
 pub(super) const INVISIBLE: f32 = 1e-6;
 
@@ -30,37 +34,62 @@ pub(super) const INVISIBLE: f32 = 1e-6;
 /// (van Herk 1992). The whole table costs 256^2 exponentials and is exact up to the constant layers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClassTable {
-    /// Premultiplied linear-light RGBA: the entry for values `f / 255` in front and `b / 255` behind is at `b * 256 + f`.
+    /// Premultiplied linear-light RGBA: the entry for the value `f / 255` in front and `b / 255` along the second axis is at
+    /// `b * 256 + f`. 1 MiB.
     pub entries: Vec<[f32; 4]>,
-    pub preintegrated: bool,
+    pub second: Second,
     /// At `hi * 256 + lo`: whether any segment with both values in `lo / 255 ..= hi / 255` can be seen.
     visible: Vec<bool>,
 }
 
+/// What the second axis of a [`ClassTable`] stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Second {
+    /// Nothing: all rows are the same.
+    Nothing,
+    /// The value at the back: pre-integration.
+    Behind,
+    /// 1 less the root of the steepness at the front, in window units per voxel.
+    Steepness,
+}
+
+impl Second {
+    pub const ALL: [Self; 3] = [Self::Nothing, Self::Behind, Self::Steepness];
+}
+
 impl ClassTable {
-    /// The table for slices at `distance_over_reference` times the reference thickness of the transfer function.
+    /// The table for slices at `distance_over_reference` times the reference thickness of the transfer function. With regions it
+    /// is by steepness, never pre-integrated.
     pub fn build(tf: &TransferFunction, distance_over_reference: f64, preintegrated: bool) -> Self {
         let depth = if distance_over_reference > 0.0 { distance_over_reference } else { 0.0 };
         let mut entries = vec![[0.0f32; 4]; SIZE * SIZE];
+        let second = match (tf.regions.is_empty(), preintegrated) {
+            (false, _) => Second::Steepness,
+            (true, true) => Second::Behind,
+            (true, false) => Second::Nothing,
+        };
         for i in 0..SIZE {
-            let (tau, color) = extinction(tf, i as f32 / 255.0);
-            let entry = layer(tau * depth, color).map(|v| v as f32);
-            if preintegrated {
-                entries[i * SIZE + i] = entry;
-            } else {
-                entries.iter_mut().skip(i).step_by(SIZE).for_each(|e| *e = entry);
+            let curve = tf.classify(i as f32 / 255.0);
+            let entry = entry_of(curve, depth);
+            match second {
+                Second::Nothing => entries.iter_mut().skip(i).step_by(SIZE).for_each(|e| *e = entry),
+                Second::Behind => entries[i * SIZE + i] = entry,
+                Second::Steepness => column(tf, i, curve, depth, &mut entries),
             }
         }
-        if preintegrated {
+        if second == Second::Behind {
             preintegrate(tf, depth, &mut entries);
         }
-        let visible = visibility(&entries);
-        Self { entries, preintegrated, visible }
+        let visible = match second {
+            Second::Steepness => visibility(|lo, hi| [entries[lo][3], entries[hi][3]]),
+            _ => visibility(|lo, hi| [entries[hi * SIZE + lo][3], entries[lo * SIZE + hi][3]]),
+        };
+        Self { entries, second, visible }
     }
 
-    /// Bilinear look-up for the values `front` and `back` in 0..=1.
-    pub fn lookup(&self, front: f32, back: f32) -> [f32; 4] {
-        let (f, b) = (front.clamp(0.0, 1.0) * 255.0, back.clamp(0.0, 1.0) * 255.0);
+    /// Bilinear look-up for the value `front` and `second`, in 0..=1.
+    pub fn lookup(&self, front: f32, second: f32) -> [f32; 4] {
+        let (f, b) = (front.clamp(0.0, 1.0) * 255.0, second.clamp(0.0, 1.0) * 255.0);
         let (i, j) = ((f as usize).min(SIZE - 2), (b as usize).min(SIZE - 2));
         let (x, y) = (f - i as f32, b - j as f32);
         let row = |j: usize| {
@@ -81,8 +110,29 @@ impl ClassTable {
 
 /// Extinction per reference thickness and linear-light colour.
 fn extinction(tf: &TransferFunction, s: f32) -> (f64, [f64; 3]) {
-    let [r, g, b, opacity] = tf.classify(s).map(f64::from);
+    extinction_of(tf.classify(s))
+}
+
+fn extinction_of(color: [f32; 4]) -> (f64, [f64; 3]) {
+    let [r, g, b, opacity] = color.map(f64::from);
     ((-(-opacity).ln_1p()).clamp(0.0, OPAQUE), [r, g, b])
+}
+
+/// The entry of a layer of one colour and opacity.
+fn entry_of(color: [f32; 4], depth: f64) -> [f32; 4] {
+    let (tau, color) = extinction_of(color);
+    layer(tau * depth, color).map(|v| v as f32)
+}
+
+/// The entries of one value by steepness.
+fn column(tf: &TransferFunction, i: usize, curve: [f32; 4], depth: f64, entries: &mut [[f32; 4]]) {
+    let mut most = [0.0f32; 4];
+    for row in UNREACHED..SIZE {
+        let entry = entry_of(tf.over_regions(curve, i as f32 / 255.0, 1.0 - row as f32 / 255.0), depth);
+        most = if entry[3] > most[3] { entry } else { most };
+        entries[row * SIZE + i] = entry;
+    }
+    (0..UNREACHED).for_each(|row| entries[row * SIZE + i] = most);
 }
 
 /// Premultiplied colour and opacity of a layer of optical depth `depth`.
@@ -149,14 +199,14 @@ fn preintegrate(tf: &TransferFunction, depth: f64, entries: &mut [[f32; 4]]) {
     }
 }
 
-fn visibility(entries: &[[f32; 4]]) -> Vec<bool> {
+/// Which ranges of values can be seen, from the opacities of two values that are met together.
+fn visibility(opacities: impl Fn(usize, usize) -> [f32; 2]) -> Vec<bool> {
     let mut visible = vec![false; SIZE * SIZE];
     for width in 0..SIZE {
         for lo in 0..SIZE - width {
             let hi = lo + width;
             let inside = width > 0 && (visible[(hi - 1) * SIZE + lo] || visible[hi * SIZE + lo + 1]);
-            let seen = |f: usize, b: usize| entries[b * SIZE + f][3] > INVISIBLE;
-            visible[hi * SIZE + lo] = inside || seen(lo, hi) || seen(hi, lo);
+            visible[hi * SIZE + lo] = inside || opacities(lo, hi).into_iter().any(|a| a > INVISIBLE);
         }
     }
     visible
@@ -165,13 +215,14 @@ fn visibility(entries: &[[f32; 4]]) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::transfer::{ControlPoint, Window};
+    use crate::volume::transfer::{ControlPoint, Region, Window};
 
     fn tf(points: &[(f32, [f32; 3], f32)]) -> TransferFunction {
         TransferFunction {
             name: "test".into(),
             window: Window::Auto,
             points: points.iter().map(|&(at, color, opacity)| ControlPoint { at, color, opacity }).collect(),
+            regions: vec![],
         }
     }
 
@@ -277,6 +328,41 @@ mod tests {
                 let any = (lo..=hi).any(|f| (lo..=hi).any(|b| table.entries[b * SIZE + f][3] > INVISIBLE));
                 assert_eq!(table.visible[hi * SIZE + lo], any, "{lo} {hi}");
             }
+        }
+    }
+
+    #[test]
+    fn with_regions_the_second_axis_is_the_steepness() {
+        let region = Region {
+            value: [0.3, 0.6],
+            steepness: [0.01, 0.3],
+            foot: 0.6,
+            soft: 0.7,
+            opacity: 0.3,
+            color: Some([0.2, 0.9, 0.4]),
+        };
+        let soft = Region { value: [0.5, 1.0], soft: 1.0, opacity: 0.1, color: None, ..region };
+        let tf = TransferFunction { regions: vec![region, soft], ..colourful() };
+        for depth in [0.5, 1.0, 2.0] {
+            let table = ClassTable::build(&tf, depth, true);
+            assert_eq!(table.second, Second::Steepness);
+            for (s, row) in [(120, 150), (110, 200), (140, 220), (200, 190), (20, 150), (120, 250)] {
+                let (s, second) = (s as f32 / 255.0, row as f32 / 255.0);
+                let [r, g, b, a] = tf.at(s, (1.0 - second).powi(2));
+                let opacity = 1.0 - (1.0 - a).powf(depth as f32);
+                let want = [r * opacity, g * opacity, b * opacity, opacity];
+                let got = table.lookup(s, second);
+                assert!((0..4).all(|c| (got[c] - want[c]).abs() < 1e-5), "{s} {second}: {got:?}, not {want:?}");
+            }
+            // the steepest there can be reads none of the rows above
+            let steepest = 1.0 - 0.75f32.sqrt().sqrt();
+            assert!((steepest * 255.0) as usize >= UNREACHED);
+            for s in 0..SIZE {
+                let most = (UNREACHED..SIZE).map(|row| table.entries[row * SIZE + s][3]).fold(0.0, f32::max);
+                assert_eq!(table.lookup(s as f32 / 255.0, 0.0)[3], most);
+            }
+            assert!(!table.is_visible(0.0, 0.29) && table.is_visible(0.0, 0.4) && table.is_visible(0.99, 1.0));
+            assert!(table.is_visible(0.0, 1.0));
         }
     }
 }

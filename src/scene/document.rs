@@ -278,6 +278,9 @@ pub struct CameraSpec {
     pub yaw: f64,
     /// Degrees, positive from above; beyond 90 the object stands on its head.
     pub pitch: f64,
+    /// Degrees by which the picture is turned clockwise.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub roll: f64,
     /// 1 shows everything visible.
     pub zoom: f64,
     /// World units added to the middle of what is visible.
@@ -286,10 +289,14 @@ pub struct CameraSpec {
     pub fov_y: Option<f64>,
 }
 
+fn is_zero(v: &f64) -> bool {
+    *v == 0.0
+}
+
 impl Default for CameraSpec {
     fn default() -> Self {
         // three-quarters, as a portrait is taken
-        Self { yaw: 30.0, pitch: 12.0, zoom: 1.0, offset: DVec3::ZERO, fov_y: Some(28.0) }
+        Self { yaw: 30.0, pitch: 12.0, roll: 0.0, zoom: 1.0, offset: DVec3::ZERO, fov_y: Some(28.0) }
     }
 }
 
@@ -304,6 +311,7 @@ impl CameraSpec {
             target: center + self.offset,
             yaw: self.yaw + front,
             pitch: self.pitch,
+            roll: self.roll,
             radius,
             zoom: self.zoom,
             projection: match self.fov_y {

@@ -2,6 +2,7 @@
 
 pub mod fetch;
 mod grid;
+pub mod joint;
 pub mod phantom;
 pub mod pyramid;
 mod samples;

@@ -38,8 +38,10 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
         }
     }
     ui.checkbox(&mut look.lit, "Lit");
-    ui.checkbox(&mut look.preintegrated, "Pre-integrated")
-        .on_hover_text("Thin layers between two slices are not missed");
+    let regions = document.transfer_function.as_ref().is_some_and(|t| !t.regions.is_empty());
+    ui.add_enabled(!regions, egui::Checkbox::new(&mut look.preintegrated, "Pre-integrated"))
+        .on_hover_text("Thin layers between two slices are not missed")
+        .on_disabled_hover_text("Not where opacity goes by value and steepness");
     edges(ui, &mut look);
     row(ui, "Light", |ui, _| light(ui, &mut look.light));
     row(ui, "Slices", |ui, id| {

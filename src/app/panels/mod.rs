@@ -5,6 +5,7 @@ pub mod deform;
 mod export;
 mod look;
 mod object;
+mod regions;
 mod transfer;
 
 use std::sync::Arc;
@@ -55,6 +56,7 @@ pub struct PanelState {
     /// Index of the transfer function's point that is being edited.
     pub point: Option<usize>,
     pub log_histogram: bool,
+    pub regions: regions::RegionState,
     pub export_path: String,
     pub export_mode: ExportMode,
     pub interpolation: Interpolation,
@@ -75,6 +77,7 @@ impl Default for PanelState {
             selected: None,
             point: None,
             log_histogram: true,
+            regions: regions::RegionState::default(),
             export_path: String::new(),
             export_mode: ExportMode::Slicing,
             interpolation: Interpolation::Linear,

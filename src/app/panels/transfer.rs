@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Stroke as Line, Vec2};
 
-use super::{row, title};
+use super::{regions, row, title};
 use crate::app::modeller::Modeller;
 use crate::app::theme;
 use crate::evaluate::load::Data;
@@ -59,6 +59,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui, document: &Document, data: &Dat
     }
     point(m, ui, &mut function, w);
     ui.checkbox(&mut m.panels.log_histogram, "Logarithmic histogram");
+    regions::show(m, ui, &mut function, data, w);
     if function != before && function.check().is_ok() {
         m.edit(Edit::SetTransferFunction(function));
     }

@@ -32,7 +32,7 @@ fn points(low: f32, high: f32, veil: f32) -> Vec<ControlPoint> {
 /// `counts` in equal bins over the volume's range; without usable counts, a plain ramp.
 pub fn from_histogram(counts: &[u64]) -> TransferFunction {
     let points = thresholds(counts).map_or_else(ramp, |(low, high, veil)| points(low, high, veil));
-    TransferFunction { name: "auto".to_owned(), window: Window::Auto, points }
+    TransferFunction { name: "auto".to_owned(), window: Window::Auto, points, regions: Vec::new() }
 }
 
 /// Fractions of the range where the body and the core begin, and the body's opacity.

@@ -8,9 +8,11 @@
 
 mod auto;
 mod presets;
+mod region;
 mod text;
 
 pub use presets::{Modality, Preset};
+pub use region::{MOST_REGIONS, Region, height_of, steepness_at};
 
 /// A control point; colour and opacity are linear between points and constant beyond the first and last.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +41,8 @@ pub struct TransferFunction {
     pub window: Window,
     /// At least one.
     pub points: Vec<ControlPoint>,
+    /// If there are any, opacity is theirs, over values and steepness; see [`Region`].
+    pub regions: Vec<Region>,
 }
 
 /// Why a transfer function cannot be. Lines count from 1.
@@ -64,6 +68,14 @@ pub enum TransferError {
     Empty,
     #[error("there are more than {0} points, which is the most that is read")]
     TooMany(usize),
+    #[error(
+        "line {line}: a region is `region`, lower and upper value, lower and upper steepness, foot, softness, opacity and, if it has one, red green blue, but this has {count} numbers"
+    )]
+    RegionCount { line: usize, count: usize },
+    #[error("line {line}: the lower {what} of the region must be below the upper")]
+    RegionOrder { line: usize, what: &'static str },
+    #[error("there are more than {MOST_REGIONS} regions, which is the most that is read")]
+    TooManyRegions,
     #[error("the name {0:?} cannot be written; it must be one line of text without spaces at its ends")]
     Name(String),
 }
@@ -92,7 +104,8 @@ impl TransferFunction {
     }
 
     /// Checks what [`TransferFunction::classify`] and the text form rely on: a writable name, a finite ascending window, at
-    /// least one point, points ascending, everything finite and within 0 to 1. Point i counts as line i + 1.
+    /// least one point, points ascending, everything finite and within 0 to 1, regions not empty. Point and region i count as
+    /// line i + 1.
     ///
     /// # Errors
     /// The first thing that is wrong.
@@ -116,17 +129,17 @@ impl TransferFunction {
             let line = i + 1;
             let parts = [("position", p.at), ("red", p.color[0]), ("green", p.color[1]), ("blue", p.color[2])];
             for (what, x) in parts.into_iter().chain([("opacity", p.opacity)]) {
-                // a negative zero would not survive being written as a real value
-                if !(0.0..=1.0).contains(&x) || x.is_sign_negative() {
-                    return Err(TransferError::Range { line, what, value: f64::from(x) });
-                }
+                check_part(line, what, x)?;
             }
             if p.at < before {
                 return Err(TransferError::Unsorted { line });
             }
             before = p.at;
         }
-        Ok(())
+        if self.regions.len() > MOST_REGIONS {
+            return Err(TransferError::TooManyRegions);
+        }
+        (1..).zip(&self.regions).try_for_each(|(line, region)| region.check(line))
     }
 
     /// Linear-light colour and opacity at `s` in the window (clamped to `[0,1]`). Colours are mixed as sRGB, then linearised.
@@ -142,6 +155,15 @@ impl TransferFunction {
         let c: [f32; 3] = std::array::from_fn(|i| linear_from_srgb(mix(a.color[i], b.color[i])));
         [c[0], c[1], c[2], mix(a.opacity, b.opacity)]
     }
+}
+
+/// A number that must be between 0 and 1.
+fn check_part(line: usize, what: &'static str, x: f32) -> Result<(), TransferError> {
+    // a negative zero would not survive being written as a real value
+    if (0.0..=1.0).contains(&x) && !x.is_sign_negative() {
+        return Ok(());
+    }
+    Err(TransferError::Range { line, what, value: f64::from(x) })
 }
 
 /// The sRGB transfer curve, decoded.

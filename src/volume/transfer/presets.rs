@@ -238,7 +238,7 @@ impl Preset {
         if points.is_empty() {
             points = auto::ramp();
         }
-        TransferFunction { name: self.name.to_owned(), window, points }
+        TransferFunction { name: self.name.to_owned(), window, points, regions: Vec::new() }
     }
 
     /// The preset fitted to a volume with real values in `range` and `counts` in equal bins over it (may be empty).

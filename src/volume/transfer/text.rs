@@ -8,12 +8,19 @@
 //! -200  0.8 0.5 0.4  0.0
 //! ```
 //!
+//! Below the points there may be regions, if opacity goes by value and steepness: values at the upper edge, steepness in parts
+//! of the window per voxel, the lower edge's width in parts of the upper one's, softness, opacity and, if it has one, a colour.
+//!
+//! ```text
+//! region 200 900  0.02 1  0.5 0.4  0.3  1 0.9 0.8
+//! ```
+//!
 //! `window auto` stands for the volume's own range; values are then fractions of it, 0 to 1. A value may always be given as
 //! a fraction of the window, `@0.25`; the writer does so only where no decimal names the same position exactly.
 
 use std::fmt;
 
-use super::{ControlPoint, TransferError, TransferFunction, Window};
+use super::{ControlPoint, MOST_REGIONS, Region, TransferError, TransferFunction, Window};
 
 const HEADER: &str = "voxclay transfer function 1";
 
@@ -65,8 +72,10 @@ impl TransferFunction {
             None => return Err(TransferError::Header { line: 1, found: String::new() }),
         }
         let (mut name, mut window) = (None, None);
+        let within = |window: Option<(Window, usize)>| window.map_or(Window::Auto, |(w, _)| w).resolve([0.0, 1.0]);
         let mut points: Vec<ControlPoint> = Vec::new();
-        let mut first_point = 0;
+        let mut regions: Vec<Region> = Vec::new();
+        let mut first_point = None;
         for (line, l) in lines {
             let (key, rest) = l.split_once(char::is_whitespace).map_or((l, ""), |(k, r)| (k, r.trim()));
             match key {
@@ -80,29 +89,33 @@ impl TransferFunction {
                     if let Some((_, first)) = window {
                         return Err(TransferError::Misplaced { line, key: "window", first });
                     }
-                    if !points.is_empty() {
-                        return Err(TransferError::Misplaced { line, key: "window", first: first_point });
+                    if let Some(first) = first_point {
+                        return Err(TransferError::Misplaced { line, key: "window", first });
                     }
                     window = Some((parse_window(rest, line)?, line));
+                }
+                "region" => {
+                    if regions.len() == MOST_REGIONS {
+                        return Err(TransferError::TooManyRegions);
+                    }
+                    regions.push(parse_region(rest, line, within(window))?);
+                    first_point.get_or_insert(line);
                 }
                 _ => {
                     if points.len() == MOST_POINTS {
                         return Err(TransferError::TooMany(MOST_POINTS));
                     }
-                    let within = window.map(|(w, _)| w).unwrap_or(Window::Auto).resolve([0.0, 1.0]);
-                    let p = parse_point(l, line, within)?;
+                    let p = parse_point(l, line, within(window))?;
                     if points.last().is_some_and(|q| q.at > p.at) {
                         return Err(TransferError::Unsorted { line });
                     }
-                    if points.is_empty() {
-                        first_point = line;
-                    }
+                    first_point.get_or_insert(line);
                     points.push(p);
                 }
             }
         }
         let name = name.map(|(n, _)| n).unwrap_or_default();
-        let out = Self { name, window: window.map_or(Window::Auto, |(w, _)| w), points };
+        let out = Self { name, window: window.map_or(Window::Auto, |(w, _)| w), points, regions };
         out.check()?;
         Ok(out)
     }
@@ -119,21 +132,43 @@ fn parse_window(rest: &str, line: usize) -> Result<Window, TransferError> {
     if lo < hi && (hi - lo).is_finite() { Ok(Window::Values { lo, hi }) } else { Err(wrong()) }
 }
 
+/// A real value, or a fraction of the window, as a position in the window.
+fn parse_value(word: &str, line: usize, window: [f64; 2]) -> Result<f32, TransferError> {
+    if let Some(part) = word.strip_prefix('@') {
+        return fraction(part, line, "position");
+    }
+    let value = finite(word, line)?;
+    let [lo, hi] = window;
+    if !(lo..=hi).contains(&value) {
+        return Err(TransferError::Outside { line, value, lo, hi });
+    }
+    Ok(position(value, window).clamp(0.0, 1.0))
+}
+
+fn parse_region(rest: &str, line: usize, window: [f64; 2]) -> Result<Region, TransferError> {
+    let words: Vec<&str> = rest.split_whitespace().take(11).collect();
+    let part = |i: usize, what| fraction(words[i], line, what);
+    if !matches!(words.len(), 7 | 10) {
+        return Err(TransferError::RegionCount { line, count: rest.split_whitespace().count() });
+    }
+    let region = Region {
+        value: [parse_value(words[0], line, window)?, parse_value(words[1], line, window)?],
+        steepness: [part(2, "lower steepness")?, part(3, "upper steepness")?],
+        foot: part(4, "foot")?,
+        soft: part(5, "softness")?,
+        opacity: part(6, "opacity")?,
+        color: if words.len() == 10 { Some([part(7, "red")?, part(8, "green")?, part(9, "blue")?]) } else { None },
+    };
+    region.check(line)?;
+    Ok(region)
+}
+
 fn parse_point(l: &str, line: usize, window: [f64; 2]) -> Result<ControlPoint, TransferError> {
     let words: Vec<&str> = l.split_whitespace().take(6).collect();
     let &[at, r, g, b, opacity] = words.as_slice() else {
         return Err(TransferError::Count { line, count: l.split_whitespace().count() });
     };
-    let at = if let Some(part) = at.strip_prefix('@') {
-        fraction(part, line, "position")?
-    } else {
-        let value = finite(at, line)?;
-        let [lo, hi] = window;
-        if !(lo..=hi).contains(&value) {
-            return Err(TransferError::Outside { line, value, lo, hi });
-        }
-        position(value, window).clamp(0.0, 1.0)
-    };
+    let at = parse_value(at, line, window)?;
     let color = [fraction(r, line, "red")?, fraction(g, line, "green")?, fraction(b, line, "blue")?];
     Ok(ControlPoint { at, color, opacity: fraction(opacity, line, "opacity")? })
 }
@@ -166,10 +201,23 @@ impl fmt::Display for TransferFunction {
         }
         writeln!(f, "# value  red green blue (sRGB, 0 to 1)  opacity of one voxel")?;
         let window = self.window.resolve([0.0, 1.0]);
+        let value = |at: f32| value_name(at, window).unwrap_or_else(|| format!("@{at}"));
         for p in &self.points {
-            let at = value_name(p.at, window).unwrap_or_else(|| format!("@{}", p.at));
+            let at = value(p.at);
             let [r, g, b] = p.color;
             writeln!(f, "{at}  {r} {g} {b}  {}", p.opacity)?;
+        }
+        if !self.regions.is_empty() {
+            writeln!(f, "# region  values  steepness  foot softness  opacity  red green blue")?;
+        }
+        for region in &self.regions {
+            let ([lo, hi], [from, to]) = (region.value.map(value), region.steepness);
+            let Region { foot, soft, opacity, .. } = region;
+            write!(f, "region {lo} {hi}  {from} {to}  {foot} {soft}  {opacity}")?;
+            match region.color {
+                Some([r, g, b]) => writeln!(f, "  {r} {g} {b}")?,
+                None => writeln!(f)?,
+            }
         }
         Ok(())
     }
