@@ -20,7 +20,7 @@ use crate::compare::picture::{DifferenceMap, Scale, pictures};
 use crate::deform::Stack;
 use crate::evaluate::heat::{HeatSurface, TetLayer};
 use crate::evaluate::load::{Data, Object, Workspace};
-use crate::evaluate::picture::{Backend, Mode, PictureReport, Refinement, Renderer, ViewOptions};
+use crate::evaluate::picture::{Backend, Mode, PictureReport, Refinement, Renderer, SmoothLook, ViewOptions};
 use crate::evaluate::section::Section;
 use crate::evaluate::tets::Lattice;
 use crate::evaluate::{EvaluateError, coarser, geometry, tets};
@@ -161,6 +161,7 @@ impl Worker {
                 ctx,
                 backend,
                 renderer: None,
+                surface: SmoothLook::default(),
                 known: None,
                 warped: None,
                 lattice: None,
@@ -212,6 +213,8 @@ struct Painter {
     ctx: egui::Context,
     backend: Backend,
     renderer: Option<Renderer>,
+    /// What smooth surfaces show.
+    surface: SmoothLook,
     known: Option<Known>,
     /// Of the known object.
     warped: Option<Arc<Object>>,
@@ -399,6 +402,7 @@ impl Painter {
             background: want.document.look.background.unwrap_or(want.ground),
             ..want.document.look.look(object.iso)
         };
+        self.surface = want.document.surface.clone();
         let Some((main, report)) = self.draw(object, &camera, &look, &options, !last, stop)? else { return Ok(()) };
         if !matches!(want.mode, Mode::Tets | Mode::Spline) || !last {
             self.pace.learn(&report, options.size, !last);
@@ -489,6 +493,7 @@ impl Painter {
                 Some(renderer) => renderer,
                 None => self.renderer.insert(Renderer::new(self.backend)?),
             };
+            renderer.set_smooth_look(self.surface.clone());
             let drawn = renderer.picture_until(&fitting, camera, &look, &ViewOptions { mode, ..*options }, stop);
             match drawn {
                 Err(EvaluateError::Gpu(GpuError::TooLarge { what: VOLUME, .. } | GpuError::OutOfMemory { .. }))

@@ -35,8 +35,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "surface", value_name = "WHAT")]
     caps: CapsArg,
     /// Of --mode spline: 1 is solid, less lets what is behind the surface through.
-    #[arg(long, default_value_t = 1.0, value_name = "0..1")]
-    opacity: f32,
+    #[arg(long, value_name = "0..1")]
+    opacity: Option<f32>,
     /// Of --mode spline: one more surface, with its isovalue, colour and opacity; may be given several times.
     #[arg(long, value_parser = shell, value_name = "ISO[,#RRGGBB[,OPACITY]]", allow_hyphen_values = true)]
     shell: Vec<Shell>,
@@ -69,26 +69,28 @@ enum CapsArg {
 }
 
 impl Args {
-    fn smooth_look(&self, mode: Mode) -> Result<SmoothLook> {
-        let look = SmoothLook {
-            curvature: self.curvature.map(|kind| match kind {
+    /// What the document shows, and what is asked for beside it.
+    fn smooth_look(&self, mode: Mode, of: &SmoothLook) -> Result<SmoothLook> {
+        let mut look = of.clone();
+        if let Some(kind) = self.curvature {
+            look.curvature = Some(match kind {
                 CurvatureArg::Mean => Curvature::Mean,
                 CurvatureArg::Gaussian => Curvature::Gaussian,
-            }),
-            caps: self.caps == CapsArg::Volume,
-            opacity: self.opacity,
-            shells: self.shell.clone(),
-            occlusion: self.occlusion,
-            shadows: self.shadows,
-            direct: self.direct,
-        };
-        if look != SmoothLook::default() && mode != Mode::Spline {
+            });
+        }
+        look.caps |= self.caps == CapsArg::Volume;
+        look.opacity = self.opacity.unwrap_or(look.opacity);
+        look.shells.extend(&self.shell);
+        look.occlusion |= self.occlusion;
+        look.shadows |= self.shadows;
+        look.direct |= self.direct;
+        if look != *of && mode != Mode::Spline {
             bail!(
                 "--curvature, --caps, --opacity, --shell, --occlusion, --shadows and --direct go with --mode spline only"
             );
         }
-        if !(0.0..=1.0).contains(&self.opacity) {
-            bail!("--opacity is {}, not between 0 and 1", self.opacity);
+        if !(0.0..=1.0).contains(&look.opacity) {
+            bail!("--opacity is {}, not between 0 and 1", look.opacity);
         }
         Ok(look)
     }
@@ -120,7 +122,7 @@ fn shell(text: &str) -> Result<Shell, String> {
 pub fn run(args: &Args) -> Result<Answer> {
     let (mut document, base) = open(&args.file)?;
     let options = args.view.apply(&mut document)?;
-    let smooth_look = args.smooth_look(options.mode)?;
+    let smooth_look = args.smooth_look(options.mode, &document.surface)?;
     let object = load::load(&document, &base)?;
     for warning in &object.warnings {
         eprintln!("voxclay: {warning}");

@@ -13,7 +13,7 @@ use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
 
 pub use super::geometry::Refinement;
-pub use super::smooth::SmoothLook;
+pub use crate::spline::paint::SmoothLook;
 
 /// Which renderer does the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

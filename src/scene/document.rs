@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::deform::Stack;
 use crate::render::{Camera, Gradient, Look, Projection, Shading};
+use crate::spline::paint::SmoothLook;
 use crate::volume::Space;
 use crate::volume::transfer::TransferFunction;
 
@@ -30,6 +31,9 @@ pub struct Document {
     pub transfer_function: Option<TransferFunction>,
     #[serde(default)]
     pub look: LookSpec,
+    /// Of smooth surfaces.
+    #[serde(default, skip_serializing_if = "SmoothLook::is_plain")]
+    pub surface: SmoothLook,
     #[serde(default, skip_serializing_if = "Clip::is_nothing")]
     pub clip: Clip,
     #[serde(default)]
@@ -52,6 +56,7 @@ impl Document {
             transfer: auto(),
             transfer_function: None,
             look: LookSpec::default(),
+            surface: SmoothLook::default(),
             clip: Clip::default(),
             camera: CameraSpec::default(),
         }

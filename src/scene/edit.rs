@@ -2,6 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{CameraSpec, Clip, Document, LookSpec, Placement, ProxySource, VolumeSource};
 use crate::deform::{Deformation, Stack};
+use crate::spline::paint::SmoothLook;
 use crate::volume::transfer::TransferFunction;
 
 /// One change of a document, as a window or a script asks for it.
@@ -33,6 +34,7 @@ pub enum Edit {
     SetTransfer(String),
     SetTransferFunction(#[serde(with = "text")] TransferFunction),
     SetLook(LookSpec),
+    SetSurface(SmoothLook),
     SetClip(Clip),
     /// Not a step of the history: looking at something does not change it.
     SetCamera(CameraSpec),
@@ -87,6 +89,7 @@ impl Edit {
             Self::SetTransfer(name) => format!("Transfer function {name}"),
             Self::SetTransferFunction(_) => "Edit the transfer function".to_owned(),
             Self::SetLook(_) => "Change the look".to_owned(),
+            Self::SetSurface(_) => "Change the surface".to_owned(),
             Self::SetClip(_) => "Clip the view".to_owned(),
             Self::SetCamera(_) => "Look from elsewhere".to_owned(),
         }
@@ -105,6 +108,7 @@ impl Edit {
             | (Self::ReplaceAll(_), Self::ReplaceAll(_))
             | (Self::SetTransferFunction(_), Self::SetTransferFunction(_))
             | (Self::SetClip(_), Self::SetClip(_))
+            | (Self::SetSurface(_), Self::SetSurface(_))
             | (Self::SetLook(_), Self::SetLook(_)) => true,
             _ => false,
         }
@@ -151,6 +155,7 @@ impl Edit {
                 document.transfer_function = Some(t.clone());
             }
             Self::SetLook(look) => document.look = *look,
+            Self::SetSurface(surface) => document.surface = surface.clone(),
             Self::SetClip(clip) => document.clip = *clip,
             Self::SetCamera(camera) => document.camera = *camera,
         }

@@ -6,9 +6,13 @@
 //! little.
 
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+
+use crate::volume::transfer::linear_from_srgb;
 
 /// What colours may stand for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Curvature {
     /// Positive where what is inside bulges outwards.
     Mean,
@@ -77,12 +81,67 @@ impl Colors {
 }
 
 /// One of several surfaces that are shown together.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Shell {
+    /// A real value.
     pub iso: f64,
     pub color: [f32; 3],
     /// 0 to 1.
     pub opacity: f32,
+}
+
+/// What a smooth surface shows beside its shape.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SmoothLook {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curvature: Option<Curvature>,
+    /// Whether caps on clipping planes have the transfer function's colours, not the surface's own.
+    pub caps: bool,
+    /// Of the surface; what lies behind it is seen through the rest.
+    pub opacity: f32,
+    /// Further surfaces; colours in sRGB.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shells: Vec<Shell>,
+    /// Whether the surroundings take away ambient light.
+    pub occlusion: bool,
+    /// Whether they take away the light.
+    pub shadows: bool,
+    /// Whether the surface is found through the strokes, not in a volume resampled after them.
+    pub direct: bool,
+}
+
+impl Default for SmoothLook {
+    fn default() -> Self {
+        Self {
+            curvature: None,
+            caps: false,
+            opacity: 1.0,
+            shells: Vec::new(),
+            occlusion: false,
+            shadows: false,
+            direct: false,
+        }
+    }
+}
+
+impl SmoothLook {
+    /// Nothing beside the shape.
+    pub fn is_plain(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// All surfaces, the one of the largest isovalue first; colours in linear light. `main` is the isovalue and the (linear)
+    /// colour of the surface that is always there.
+    pub fn all(&self, main: (f64, [f32; 3])) -> Vec<Shell> {
+        let mut all = vec![Shell { iso: main.0, color: main.1, opacity: self.opacity.clamp(0.0, 1.0) }];
+        let linear =
+            |s: &Shell| Shell { color: s.color.map(linear_from_srgb), opacity: s.opacity.clamp(0.0, 1.0), ..*s };
+        all.extend(self.shells.iter().map(linear));
+        all.sort_by(|a, b| b.iso.total_cmp(&a.iso));
+        all
+    }
 }
 
 /// Colours of a surface, beside its own.

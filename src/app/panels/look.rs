@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, Pos2, Sense, Stroke as Line, Vec2};
 use glam::DVec3;
 
-use super::{row, title, transfer};
+use super::{row, surface, title, transfer};
 use crate::app::modeller::Modeller;
 use crate::app::theme;
 use crate::scene::{Clip, CutPlane, Edit, LookSpec, ShadingSpec};
@@ -59,6 +59,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
         m.edit(Edit::SetLook(look));
     }
     clipping(m, ui, document.clip);
+    surface::show(m, ui, &document.surface, &data);
     transfer::show(m, ui, &document, &data);
 }
 

@@ -6,6 +6,7 @@ mod export;
 mod look;
 mod object;
 mod regions;
+mod surface;
 mod transfer;
 
 use std::sync::Arc;

@@ -1,7 +1,6 @@
 //! The iso-surface of an object as a picture: by rays on the CPU, by tetrahedra on the GPU.
 
 mod inside;
-mod look;
 mod moved;
 mod rays;
 
@@ -20,13 +19,11 @@ use crate::mesh::TriMesh;
 use crate::render::{Camera, Frame, Look, Picture, Projection, Shading, SliceGeometry, Stop};
 use crate::scene::CutPlane;
 use crate::spline::occupancy::{Occupancy, Seen};
-use crate::spline::paint::{Paint, Shell};
+use crate::spline::paint::{Colors, Paint, Shell, SmoothLook};
 use crate::spline::{Spline, Through};
 use crate::volume::{Grid, Volume};
 use inside::Inside;
 use rays::{Data, Scene, View};
-
-pub use look::SmoothLook;
 
 /// The spline of an object, kept from picture to picture: another view or isovalue needs no new one.
 #[derive(Debug)]
@@ -173,7 +170,7 @@ pub(super) fn picture(
         return Err(EvaluateError::View);
     };
     let (frame, mut view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
-    view.paint = smooth_look.paint(object, &smooth.grid);
+    view.paint = paint(smooth_look, object, &smooth.grid);
     if stop() {
         return Ok(None);
     }
@@ -247,6 +244,19 @@ pub(super) fn picture(
     report.ms_total = since(started);
     report.ms_draw = report.ms_total - report.ms_geometry;
     Ok(Some((picture, report)))
+}
+
+/// Colours of the surfaces of an object.
+fn paint(look: &SmoothLook, object: &Object, grid: &Grid) -> Paint {
+    // a ball of four voxels shows the strongest colour
+    let curvature = look.curvature.map(|curvature| (curvature, 4.0 * grid.finest()));
+    let last = (Colors::ENTRIES - 1) as f32;
+    let color = |i: usize| {
+        let [r, g, b, _] = object.transfer.classify(i as f32 / last);
+        [r, g, b]
+    };
+    let table = || (0..Colors::ENTRIES).map(color).collect();
+    Paint { curvature, caps: look.caps.then(|| Colors { table: table(), range: object.window }) }
 }
 
 /// What both renderers need of a view of a spline over a grid.
