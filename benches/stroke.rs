@@ -2,8 +2,11 @@
 //!
 //! Prints medians, 95th percentiles and the worst of each kind of step, in milliseconds. `stroke event` is the work of one
 //! moved event on the window's thread, `interface pass` a whole pass of the window, `slices` and `picture, moving` the
-//! worker's, `latency` from the request to the picture.
+//! worker's, `latency` from the request to the picture. Below that, the memory that all threads asked for between the first and
+//! the last moved event.
 
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Modifiers, PointerButton, Vec2};
@@ -16,6 +19,47 @@ use voxclay::app::{Modeller, Start};
 use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
 use voxclay::evaluate::picture::Backend;
 use voxclay::scene::{Edit, ProxySource};
+
+/// The system's allocator, which notes what is asked for while it is told to.
+struct Counting;
+
+static ON: AtomicBool = AtomicBool::new(false);
+static BYTES: AtomicUsize = AtomicUsize::new(0);
+static LARGEST: AtomicUsize = AtomicUsize::new(0);
+
+fn count(size: usize) {
+    if ON.load(Ordering::Relaxed) {
+        BYTES.fetch_add(size, Ordering::Relaxed);
+        LARGEST.fetch_max(size, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: every call is handed on to the system's allocator as it came
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(block, layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size);
+        unsafe { System.realloc(block, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const EVENTS: usize = 300;
 
 fn main() {
     let home = std::env::temp_dir().join(format!("voxclay-bench-{}", std::process::id()));
@@ -69,14 +113,22 @@ fn main() {
     h.event(press(true, at));
     h.step();
     let mut pos = at;
-    for i in 0..300 {
+    let mut largest = Vec::with_capacity(EVENTS);
+    for i in 0..EVENTS {
         let a = i as f32 * 0.05;
         pos = at + 60.0 * Vec2::new(a.sin(), 1.0 - a.cos());
         h.event(egui::Event::PointerMoved(pos));
         h.step();
         // a mouse that reports at 60 Hz
         std::thread::sleep(Duration::from_millis(12));
+        // the first event makes what the stroke needs
+        if i > 0 {
+            largest.push(LARGEST.swap(0, Ordering::Relaxed));
+        }
+        ON.store(true, Ordering::Relaxed);
     }
+    ON.store(false, Ordering::Relaxed);
+    let bytes = BYTES.load(Ordering::Relaxed) / largest.len();
     h.event(press(false, pos));
     h.step();
     until(&mut h, &|m| m.shown.as_ref().is_some_and(|s| s.last && !s.moving));
@@ -87,6 +139,16 @@ fn main() {
         let ms = |q: f32| series.quantile(q).unwrap_or(f32::NAN);
         println!("{name:<18} {:>8.2} {:>8.2} {:>8.2} {:>6}", ms(0.5), ms(0.95), series.worst, series.count);
     }
+    largest.sort_unstable();
+    let kib = |bytes: usize| bytes as f64 / 1024.0;
+    let volume = m.desk.as_ref().map_or(0, |d| d.data.volume.samples.bytes().len());
+    println!(
+        "memory asked for, KiB: {:.0} an event; largest block, median of the events {:.0}, worst {:.0}; the volume has {:.0}",
+        kib(bytes),
+        kib(largest[largest.len() / 2]),
+        kib(largest[largest.len() - 1]),
+        kib(volume),
+    );
     if let Some(shown) = &m.shown {
         println!("drawn by {}", shown.report.device);
     }

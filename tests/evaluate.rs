@@ -103,6 +103,27 @@ fn the_picture_does_not_depend_on_the_view() {
     }
 }
 
+/// What moves under the hand: every point once, and about where it belongs, also where strokes are of many sizes.
+#[test]
+fn a_draft_is_whole_and_about_right() {
+    let mut document = document(true);
+    let (center, radius) = load(&document, Path::new("")).unwrap().focus;
+    for size in [1.0, 0.2, 0.04] {
+        let at = center + DVec3::new(0.4, 0.3, -0.2) * radius;
+        let grab = Grab::new(at, DVec3::splat(0.1 * size * radius), 0.5 * size * radius, Falloff::default()).unwrap();
+        document.stack.items.push(Deformation::new("grab", Deformer::Grab(grab)));
+        let object = load(&document, Path::new("")).unwrap();
+        for camera in cameras(&object, |_| Projection::Orthographic).iter().take(4) {
+            let geometry = slices(&object, camera, &options(Refinement::Draft)).unwrap();
+            let share = volume_of(&geometry) / object.mesh.volume();
+            assert!((share - 1.0).abs() < 0.01, "{share} of the volume");
+            let [draft, plain] = [Refinement::Draft, Refinement::Depth(0)]
+                .map(|r| worst(&object, &slices(&object, camera, &options(r)).unwrap()));
+            assert!(draft < 0.3 * plain, "{draft} voxels, without any split {plain}");
+        }
+    }
+}
+
 /// A test of the test: without refinement, views do not agree.
 #[test]
 fn without_subdivision_views_disagree() {
@@ -155,6 +176,11 @@ fn slices_run_back_to_front() {
 /// An eye inside the volume sees only what lies before it.
 #[test]
 fn what_is_kept_from_stroke_to_stroke_is_what_would_be_made() {
+    keeps(Refinement::Depth(2));
+    keeps(Refinement::Draft);
+}
+
+fn keeps(coarse: Refinement) {
     let mut document = document(true);
     let (center, radius) = load(&document, Path::new("")).unwrap().focus;
     let ball = |at: DVec3, pull: f64| {
@@ -172,7 +198,6 @@ fn what_is_kept_from_stroke_to_stroke_is_what_would_be_made() {
         assert!(got == want, "step {}", kept.len());
         kept.push(keeper.kept());
     };
-    let coarse = Refinement::Depth(2);
     step(&document, coarse, 30.0);
     // the same again
     step(&document, coarse, 30.0);

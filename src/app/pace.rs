@@ -20,6 +20,8 @@ pub struct Pace {
 /// Coarse pictures stay as coarse as they are while what fits is within this factor: a picture must not swim under the hand, and
 /// slices that stay where they are need not be made again.
 const STEADY: f64 = 1.3;
+/// The part of the time in which slices are made; the rest is for their pixels.
+const MAKING: f64 = 0.1;
 /// Fewer slices tear the object apart.
 const FEWEST: f64 = 64.0;
 
@@ -53,9 +55,9 @@ impl Pace {
         steady(&mut self.scale, scale)
     }
 
-    /// Of the slices wanted, as many as can be made in half of `budget` milliseconds; this changes in steps, too.
+    /// Of the slices wanted, as many as can be made in a tenth of `budget` milliseconds; this changes in steps, too.
     pub fn slices(&mut self, wanted: f64, budget: f64) -> f64 {
-        let slices = wanted.min((0.5 * budget / self.slice).max(FEWEST)).round();
+        let slices = wanted.min((MAKING * budget / self.slice).max(FEWEST)).round();
         steady(&mut self.slices, slices)
     }
 }
@@ -97,10 +99,11 @@ mod tests {
         assert_eq!(pace.coarse(size, 200.0, 33.0), first);
         pace.pixel *= 4.0;
         assert!(pace.coarse(size, 200.0, 33.0) < 0.6 * first);
-        // as many slices as half the time allows, never very few, and all if there are no more
-        assert_eq!(pace.slices(1000.0, 33.0), 330.0);
-        pace.slice = 0.055;
-        assert_eq!(pace.slices(1000.0, 33.0), 330.0);
+        // as many slices as a tenth of the time allows, never very few, and all if there are no more
+        pace.slice = 0.02;
+        assert_eq!(pace.slices(1000.0, 33.0), 165.0);
+        pace.slice = 0.022;
+        assert_eq!(pace.slices(1000.0, 33.0), 165.0);
         pace.slice = 5.0;
         assert_eq!(pace.slices(1000.0, 33.0), FEWEST);
         assert_eq!(pace.slices(40.0, 33.0), 40.0);

@@ -392,7 +392,7 @@ impl Painter {
             size: (size[0], size[1]),
             slices: if last { want.document.look.slices } else { Some(slices.max(1.0) as usize) },
             mode: want.mode,
-            refinement: if last { Refinement::Tolerance(geometry::TOLERANCE) } else { Refinement::Depth(2) },
+            refinement: if last { Refinement::Tolerance(geometry::TOLERANCE) } else { Refinement::Draft },
             backend: self.backend,
             transparent: false,
             corrections: None,
@@ -542,7 +542,7 @@ const MOST_EDGES: usize = 60_000;
 fn tessellation(object: &Object, want: &Want) -> Result<Vec<[DVec3; 2]>, EvaluateError> {
     let options = geometry::GeometryOptions {
         slices: Some(1),
-        refinement: if want.moving { Refinement::Depth(2) } else { Refinement::Tolerance(geometry::TOLERANCE) },
+        refinement: if want.moving { Refinement::Draft } else { Refinement::Tolerance(geometry::TOLERANCE) },
         subdivide: want.mode == Mode::Slicing,
         size: want.size,
     };

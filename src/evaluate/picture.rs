@@ -115,6 +115,8 @@ pub struct Renderer {
     /// Of [`Mode::Spline`].
     smooth: smooth::Kept,
     slices: geometry::Keeper,
+    /// Of drafts, so that what was made at rest is there when the hand rests again.
+    drafts: geometry::Keeper,
 }
 
 impl Renderer {
@@ -125,6 +127,7 @@ impl Renderer {
             gpu: device(backend)?.map(|g| gpu::Renderer::new(Arc::new(g))).transpose()?,
             smooth: smooth::Kept::default(),
             slices: geometry::Keeper::default(),
+            drafts: geometry::Keeper::default(),
         })
     }
 
@@ -184,7 +187,8 @@ impl Renderer {
             let ms_total = started.elapsed().as_secs_f64() * 1e3;
             return Ok(Some((picture, PictureReport { tets, ms_total, ..report })));
         }
-        let (geometry, warnings) = self.slices.slices(object, camera, &geometry_options(options))?;
+        let keeper = if options.refinement == Refinement::Draft { &mut self.drafts } else { &mut self.slices };
+        let (geometry, warnings) = keeper.slices(object, camera, &geometry_options(options))?;
         let geometry = Arc::new(geometry);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         if stop() {

@@ -58,7 +58,8 @@ impl Lattice {
         let options = MapOptions { metric, feature, tolerance: TOLERANCE, ..MapOptions::default() };
         let (mesh, report) = match fineness {
             Refinement::Tolerance(tolerance) => from_backward_map(map, &region, &MapOptions { tolerance, ..options })?,
-            Refinement::Depth(level) => {
+            Refinement::Depth(_) | Refinement::Draft => {
+                let level = if let Refinement::Depth(level) = fineness { level } else { 0 };
                 let cells = cells_for(&region, START, Split::Six).map_err(crate::mesh::tet_map::MapError::from)?;
                 uniform_from_backward_map(map, &region, cells, level.into(), &options)?
             }

@@ -25,8 +25,7 @@ impl Refiner {
             let [p, q] = self.ends(i);
             let length = p.distance(q);
             // not so for NaN
-            let splittable = length > rule.smallest.at(0.5 * (p + q)) && length > 0.0;
-            if splittable && supports.touches_segment(p, q) {
+            if length > 0.0 && supports.wants_split(p, q, rule.features) && length > rule.smallest.at(0.5 * (p + q)) {
                 if rule.tolerance.is_some() {
                     self.asked.push(i as u32);
                 } else {
@@ -66,7 +65,7 @@ impl Refiner {
         // a flat middle may hide a double bend; the slopes at the ends tell: a quarter of their difference from the chord is
         // the error of a quadratic
         let (along, chord) = (q - p, at_b - at_a);
-        along.length() <= supports.feature()
+        (along.length() <= supports.feature() || !supports.wants_split(p, q, 1.0))
             && off(image - 0.5 * (at_a + at_b)) <= error
             && off(slope_a * along - chord) <= 4.0 * error
             && off(slope_b * along - chord) <= 4.0 * error
@@ -113,7 +112,7 @@ impl Refiner {
                     let [a, b, c] = corners;
                     let centroid = (a + b + c) / 3.0;
                     let size = a.distance(b).max(b.distance(c)).max(c.distance(a));
-                    if supports.hidden_in_triangle(corners) && size > rule.smallest.at(centroid) {
+                    if supports.hidden_in_triangle(corners, rule.features) && size > rule.smallest.at(centroid) {
                         self.split_at_centroid(face, centroid, map, rule);
                     } else {
                         self.triangles.push(face.v);

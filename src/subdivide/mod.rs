@@ -11,13 +11,15 @@
 //! four, three, two. An edge is split as long as it passes through the inside of a support box, is longer than the smallest
 //! that shows, and either no tolerance is asked for, or
 //!
-//! - it is longer than the smallest feature of the field (so that nothing is stepped over), or
+//! - it is longer than the smallest feature of a box that it passes (so that nothing is stepped over), or
 //! - the map at its midpoint, evaluated exactly, is off the mean of its ends by more than 3/4 of the tolerance (over a
 //!   triangle a quadratic map is off by at most 4/3 of the largest error at the midpoints), or
 //! - the slopes of the map at its ends are off the chord by as much as they would be for such an error: an S-shaped edge may
 //!   have its midpoint in the right place.
 //!
 //! A box whose section lies within one triangle touches no edge; that triangle is split at its centroid first.
+//!
+//! For a draft, an edge is split while it is longer than so many features of a box that it passes, whatever the error.
 //!
 //! Without a tolerance, and where every part of an edge shows, an edge is split into all its `2^depth` parts at once, and a
 //! triangle with three such edges gets the same pattern always. Along the border of the boxes, where a triangle has both

@@ -14,6 +14,8 @@ pub struct Rule<'a> {
     pub tolerance: Option<f64>,
     /// Voxels per world unit along the axes of the volume: `size * texture_from_world`. Only the tolerance uses it.
     pub voxel_from_world: DMat3,
+    /// Edges in a box that are not longer than so many of its features stay whole.
+    pub features: f64,
     /// Edges that are not longer than this in world units stay whole; a function of the edge's midpoint, for perspective.
     pub smallest: Smallest<'a>,
 }
@@ -39,13 +41,25 @@ impl Smallest<'_> {
 impl Rule<'_> {
     /// Every displaced edge is split `depth` times.
     pub fn uniform(depth: u32) -> Self {
-        Self { depth, tolerance: None, voxel_from_world: DMat3::IDENTITY, smallest: Smallest::Length(0.0) }
+        Self {
+            depth,
+            tolerance: None,
+            voxel_from_world: DMat3::IDENTITY,
+            features: 0.0,
+            smallest: Smallest::Length(0.0),
+        }
+    }
+
+    /// Every displaced edge is split until it is no longer than so many features of the boxes that it passes, `depth` times at
+    /// most.
+    pub fn by_features(features: f64, depth: u32) -> Self {
+        Self { features, ..Self::uniform(depth) }
     }
 
     /// Edges are split until the error is below `tolerance` voxels, `depth` times at most.
     pub fn within(tolerance: f64, depth: u32, texture_from_world: &DAffine3, size: DVec3) -> Self {
         let voxel_from_world = DMat3::from_diagonal(size) * texture_from_world.matrix3;
-        Self { depth, tolerance: Some(tolerance), voxel_from_world, smallest: Smallest::Length(0.0) }
+        Self { tolerance: Some(tolerance), voxel_from_world, ..Self::uniform(depth) }
     }
 }
 
@@ -118,7 +132,7 @@ impl Refiner {
         }
         self.connect(triangles);
         let mut fresh = 0;
-        if rule.tolerance.is_none() && self.split_by_pattern(supports, rule) {
+        if rule.tolerance.is_none() && rule.features == 0.0 && self.split_by_pattern(supports, rule) {
             fresh = self.edges.len();
         }
         if rule.tolerance.is_some() {

@@ -1,6 +1,6 @@
 use glam::{DMat3, DVec3};
 
-use crate::math::{BackwardMap, OrientedBox};
+use crate::math::BackwardMap;
 
 /// The boxes in which a map displaces, ready for tests of edges and triangles against them. Made once per map.
 ///
@@ -19,7 +19,9 @@ struct Support {
     center: DVec3,
     /// Takes the open box, less a hair, to the open cube (-1,1)^3.
     local_from_world: DMat3,
-    shape: OrientedBox,
+    corners: [DVec3; 8],
+    /// See [`Supports::with_features`].
+    feature: f64,
 }
 
 /// What the box is shrunk by before it is tested: there a C1 spline is 1e-18 of its peak.
@@ -30,16 +32,31 @@ impl Supports {
     /// never left longer than that. Without it, a third of the smallest half-length of a box.
     pub fn new(map: &(impl BackwardMap + ?Sized), feature: Option<f64>) -> Self {
         let shapes = map.supports();
-        let smallest = shapes.iter().map(|b| b.half.min_element() / 3.0).fold(f64::INFINITY, f64::min);
+        let least = shapes.iter().map(|b| b.half.min_element() / 3.0).fold(f64::INFINITY, f64::min);
+        let feature = feature.unwrap_or(least);
         let boxes = shapes
             .into_iter()
             .map(|shape| {
                 let (lower, upper) = shape.bounds();
                 let scale = DMat3::from_diagonal((1.0 + HAIR) / shape.half);
-                Support { lower, upper, center: shape.center, local_from_world: scale * shape.axes.transpose(), shape }
+                let local_from_world = scale * shape.axes.transpose();
+                Support { lower, upper, center: shape.center, local_from_world, corners: shape.corners(), feature }
             })
             .collect();
-        Self { boxes, feature: feature.unwrap_or(smallest) }
+        Self { boxes, feature }
+    }
+
+    /// With the size of the smallest feature in each box, in the order of the map's boxes.
+    pub fn with_features(mut self, features: impl IntoIterator<Item = f64>) -> Self {
+        self.boxes.iter_mut().zip(features).for_each(|(s, feature)| s.feature = feature);
+        self
+    }
+
+    /// Only the boxes that the plane across `normal` at `height` meets, put into `out`: edges in it touch no other.
+    pub fn crossing(&self, normal: DVec3, height: f64, out: &mut Self) {
+        out.feature = self.feature;
+        out.boxes.clear();
+        out.boxes.extend(self.boxes.iter().filter(|s| s.meets(normal, height)).cloned());
     }
 
     /// Whether nothing is displaced anywhere.
@@ -58,17 +75,33 @@ impl Supports {
         self.boxes.iter().any(|s| !s.apart(lower, upper) && s.cuts(a, b))
     }
 
+    /// Whether the segment passes through the inside of a box, and is longer than so many of its features.
+    pub fn wants_split(&self, a: DVec3, b: DVec3, features: f64) -> bool {
+        let (lower, upper) = (a.min(b), a.max(b));
+        let length = a.distance(b);
+        self.boxes.iter().any(|s| length > features * s.feature && !s.apart(lower, upper) && s.cuts(a, b))
+    }
+
     /// Whether the plane section of a box lies within the triangle and crosses none of its sides; then no edge tells of it.
-    pub fn hidden_in_triangle(&self, t: [DVec3; 3]) -> bool {
+    /// Triangles that are not longer than so many features do not count.
+    pub fn hidden_in_triangle(&self, t: [DVec3; 3], features: f64) -> bool {
         let (lower, upper) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+        let extent = (upper - lower).length();
         self.boxes.iter().any(|s| {
             let touches = || (0..3).any(|i| s.cuts(t[i], t[(i + 1) % 3]));
-            !s.apart(lower, upper) && s.section_in(t) && !touches()
+            extent > features * s.feature && !s.apart(lower, upper) && !touches() && s.section_in(t)
         })
     }
 }
 
 impl Support {
+    fn meets(&self, normal: DVec3, height: f64) -> bool {
+        let heights = self.corners.map(|c| normal.dot(c));
+        let (lo, hi) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), h| (lo.min(*h), hi.max(*h)));
+        let slack = HAIR * (hi - lo);
+        lo - slack <= height && height <= hi + slack
+    }
+
     fn apart(&self, lower: DVec3, upper: DVec3) -> bool {
         upper.cmple(self.lower).any() || lower.cmpge(self.upper).any()
     }
@@ -101,7 +134,7 @@ impl Support {
     /// the triangle. The section may reach up to a side and along it.
     fn section_in(&self, [a, b, c]: [DVec3; 3]) -> bool {
         let normal = (b - a).cross(c - a);
-        let corners = self.shape.corners();
+        let corners = &self.corners;
         let height = corners.map(|p| normal.dot(p - a));
         let inside = |p: DVec3| {
             let side = |u: DVec3, v: DVec3| normal.dot((v - u).cross(p - u)) > 0.0;

@@ -21,6 +21,7 @@
 mod cdt;
 mod fill;
 pub mod regions;
+pub mod squares;
 mod sweep;
 
 use std::ops::Range;

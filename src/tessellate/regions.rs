@@ -199,7 +199,7 @@ fn split(outlines: &Outlines, k: usize, convex: &[Vec<DVec2>]) -> Regions {
     regions
 }
 
-fn shoelace(points: &[DVec2]) -> f64 {
+pub(super) fn shoelace(points: &[DVec2]) -> f64 {
     let Some(&base) = points.first() else { return 0.0 };
     0.5 * points.windows(2).map(|w| (w[0] - base).perp_dot(w[1] - base)).sum::<f64>()
 }

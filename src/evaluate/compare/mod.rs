@@ -84,6 +84,7 @@ impl Way {
             Self::Slicing(Refinement::Depth(d)) => format!("depth {d}"),
             Self::Tets(Refinement::Depth(l)) => format!("level {l}"),
             Self::Slicing(Refinement::Tolerance(t)) | Self::Tets(Refinement::Tolerance(t)) => format!("{t} voxel"),
+            Self::Slicing(Refinement::Draft) | Self::Tets(Refinement::Draft) => "draft".to_owned(),
             Self::SlicingExact => "every fragment".to_owned(),
             Self::Export(Precision::Reference) => "reference".to_owned(),
             Self::Export(Precision::Fast) => "slicing".to_owned(),

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::{GeometryOptions, Part};
+use super::{GeometryOptions, Part, reach};
 use crate::deform::Deformer;
 use crate::render::Projection;
 use crate::slice::{Planes, Slicer, Slices};
@@ -36,8 +36,6 @@ pub(super) struct View {
     pub options: GeometryOptions,
     pub pixel: f64,
     pub grid: Grid,
-    /// The smallest feature, where refinement depends on it.
-    pub feature: f64,
 }
 
 /// What the last call made, and of what.
@@ -66,17 +64,7 @@ impl Last {
         // what an older deformation does is seen through all newer ones: these count as changed with it
         let same = self.deformers.iter().zip(deformers).take_while(|(a, b)| a == b).count();
         let changed = self.deformers[same..].iter().chain(&deformers[same..]);
-        let frame = &view.planes.frame;
-        let reaches: Vec<[f64; 2]> = changed
-            .map(|d| {
-                let b = d.support();
-                let half = (b.axes.transpose() * frame.normal).abs().dot(b.half);
-                let middle = frame.height(b.center);
-                // texture coordinates are also those at the next plane
-                let margin = half * 1e-9 + 2.0 * view.planes.step;
-                [middle - half - margin, middle + half + margin]
-            })
-            .collect();
+        let reaches: Vec<[f64; 2]> = changed.map(|d| reach(d, &view.planes)).collect();
         let keep = |k: usize| {
             let height = view.planes.height(k);
             !reaches.iter().any(|[lo, hi]| (*lo..=*hi).contains(&height))

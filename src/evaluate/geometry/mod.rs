@@ -3,6 +3,9 @@
 //! Each plane's section of the proxy mesh is split where it meets the support boxes of the deformation. Outside, texture
 //! coordinates are an affine map of position and large triangles are exact. Inside, triangles are refined until the
 //! displaced coordinate is, and their union's border is shared by both parts, so that every point is drawn exactly once.
+//!
+//! A draft for the moving hand does without that border, which changes with every move: squares that stay where they are are
+//! laid over what the boxes meet (`tessellate::squares`). To a tolerance those would need twice the triangles.
 
 mod keep;
 
@@ -15,12 +18,13 @@ use self::keep::{Last, View};
 use super::EvaluateError;
 use super::clip::clip;
 use super::load::Object;
-use crate::deform::{Blocks, Prepared};
+use crate::deform::{Blocks, Deformer, Prepared};
 use crate::math::{BackwardMap, OrientedBox, PlaneFrame};
 use crate::render::{Camera, Projection, SliceGeometry, SliceVertex};
 use crate::slice::{Planes, Slices, box_section};
 use crate::subdivide::{NextSlice, Refiner, Rule, Smallest, Supports, Texturing, corners};
 use crate::tessellate::regions::Cutter;
+use crate::tessellate::squares::Squares;
 use crate::tessellate::{Limits, Method, Outlines, Triangulation};
 
 pub use self::keep::Keeper;
@@ -32,10 +36,17 @@ pub enum Refinement {
     Depth(u8),
     /// Split until the displaced coordinate is right to so many voxels.
     Tolerance(f64),
+    /// For what moves under the hand: squares, three quarters as long as the smallest feature, that stay where they are.
+    Draft,
 }
 
 /// Tolerance where none is given, in voxels.
 pub const TOLERANCE: f64 = 0.25;
+
+/// Sides of squares, in features.
+const SQUARE: f64 = 0.75;
+/// The longest edges of a draft, in features: diagonals of squares stay whole.
+const LONGEST: f64 = 1.2;
 
 /// Deeper than this no tolerance leads: 4^8 triangles for one.
 const DEEPEST: u32 = 8;
@@ -114,11 +125,6 @@ impl Keeper {
             options: *options,
             pixel: pixel(camera, options.size),
             grid: *grid,
-            feature: match options.refinement {
-                // they are split as often whatever the features
-                Refinement::Depth(_) => 0.0,
-                Refinement::Tolerance(_) => prepared.feature_size(),
-            },
         };
         let deformers = object.stack.active().map(|d| d.into_owned()).collect::<Vec<_>>();
         let mut kept =
@@ -131,6 +137,14 @@ impl Keeper {
         for (k, _) in kept.iter().zip(&cuts).enumerate().filter(|(_, (kept, c))| kept.is_some() || !c.is_empty()) {
             owner[sections.plane_loops(k)].fill(Slices::NONE);
         }
+        // what a deformation does not hide of older ones is seen through it, so that their features count in its box
+        let features: Vec<([f64; 2], f64)> = deformers
+            .iter()
+            .scan(f64::INFINITY, |least, d| {
+                *least = least.min(d.feature_size());
+                Some((reach(d, &planes), *least))
+            })
+            .collect();
         let all = Outlines {
             points: &sections.points,
             loop_start: &sections.loop_start,
@@ -149,16 +163,13 @@ impl Keeper {
             outlines: &outlines,
             plain: self.tessellator.run(&outlines, Method::Fast),
             cuts: &cuts,
-            supports: Supports::new(&prepared, Some(prepared.feature_size())),
+            supports: Supports::new(&prepared, Some(prepared.feature_size()))
+                .with_features(features.iter().map(|(_, feature)| *feature)),
+            features,
+            refinement: options.refinement,
             blocks: prepared.blocks(center),
             prepared: &prepared,
             rule: rule(object, options),
-            method: match options.refinement {
-                // while something moves
-                Refinement::Depth(_) => Method::Fast,
-                // well-shaped triangles need fewer splits for the same error
-                Refinement::Tolerance(_) => Method::Quality(Limits::default()),
-            },
             pixel: view.pixel,
         };
         // runs of planes, so that buffers are made once per run and not per plane
@@ -188,6 +199,15 @@ fn cuts(boxes: &[OrientedBox], planes: &Planes, sections: &Slices) -> Vec<Vec<Ve
         .collect()
 }
 
+/// Heights between which a deformation changes texture coordinates: also those at the next plane.
+fn reach(deformer: &Deformer, planes: &Planes) -> [f64; 2] {
+    let b = deformer.support();
+    let half = (b.axes.transpose() * planes.frame.normal).abs().dot(b.half);
+    let middle = planes.frame.height(b.center);
+    let margin = half * 1e-9 + 2.0 * planes.step;
+    [middle - half - margin, middle + half + margin]
+}
+
 /// Smallest and largest height of the mesh along the normal; equal where nothing of it is finite.
 fn extent(frame: &PlaneFrame, positions: &[DVec3]) -> (f64, f64) {
     let heights = positions.iter().map(|p| frame.height(*p)).filter(|h| h.is_finite());
@@ -207,6 +227,7 @@ fn pixel(camera: &Camera, (width, height): (u32, u32)) -> f64 {
 fn rule(object: &Object, options: &GeometryOptions) -> Rule<'static> {
     match options.refinement {
         Refinement::Depth(depth) => Rule::uniform(u32::from(depth)),
+        Refinement::Draft => Rule::by_features(LONGEST, DEEPEST),
         Refinement::Tolerance(t) => {
             let grid = &object.volume.grid;
             Rule::within(t, DEEPEST, &grid.texture_from_world(), grid.size())
@@ -253,9 +274,10 @@ struct Maker<'a> {
     prepared: &'a Prepared,
     blocks: Blocks<f32>,
     supports: Supports,
+    /// For each deformation the heights between which it shows, and the smallest feature of it and all older ones.
+    features: Vec<([f64; 2], f64)>,
+    refinement: Refinement,
     rule: Rule<'static>,
-    /// How planes that meet boxes are triangulated.
-    method: Method,
     /// See [`pixel`].
     pixel: f64,
 }
@@ -264,7 +286,10 @@ struct Maker<'a> {
 #[derive(Default)]
 struct Scratch {
     cutter: Cutter,
+    squares: Squares,
     refiner: Refiner,
+    /// Those that the plane at hand meets.
+    supports: Supports,
     /// Vertex of each extra point of a triangulation, for the plane at hand.
     extra: HashMap<u32, u32>,
 }
@@ -283,7 +308,15 @@ impl Maker<'_> {
                 if self.cuts[k].is_empty() {
                     self.plain(&plane, &mut scratch, &mut part);
                 } else {
-                    self.cut(&plane, &mut scratch, &mut part);
+                    self.supports.crossing(self.planes.frame.normal, height, &mut scratch.supports);
+                    match self.refinement {
+                        Refinement::Depth(_) => self.cut(&plane, Method::Fast, &mut scratch, &mut part),
+                        // well-shaped triangles need fewer splits for the same error
+                        Refinement::Tolerance(_) => {
+                            self.cut(&plane, Method::Quality(Limits::default()), &mut scratch, &mut part);
+                        }
+                        Refinement::Draft => self.squares(&plane, &mut scratch, &mut part),
+                    }
                 }
             }
             parts.push(part);
@@ -328,13 +361,42 @@ impl Maker<'_> {
         }
     }
 
-    /// A plane that meets boxes.
-    fn cut(&self, plane: &Plane, scratch: &mut Scratch, part: &mut Part) {
-        let regions = scratch.cutter.cut(self.all, plane.k, &self.cuts[plane.k], self.method);
+    /// A plane that meets boxes, parted along them.
+    fn cut(&self, plane: &Plane, method: Method, scratch: &mut Scratch, part: &mut Part) {
+        let regions = scratch.cutter.cut(self.all, plane.k, &self.cuts[plane.k], method);
         let base = part.vertices.len() as u32;
         self.affine(plane, &regions.outside.points, part);
         self.affine(plane, &regions.outside.extra, part);
         part.indices.extend(regions.outside.triangles.iter().flatten().map(|i| i + base));
+        let inside = &regions.inside;
+        let points = inside.points.iter().chain(&inside.extra);
+        self.refine(plane, points, &inside.triangles, &scratch.supports, &mut scratch.refiner);
+        self.displaced(plane, &scratch.refiner, part);
+    }
+
+    /// A plane that meets boxes, in squares where it does.
+    fn squares(&self, plane: &Plane, scratch: &mut Scratch, part: &mut Part) {
+        let here = self.features.iter().filter(|([lo, hi], _)| (*lo..=*hi).contains(&plane.height));
+        let step = SQUARE * here.map(|(_, feature)| *feature).fold(f64::INFINITY, f64::min);
+        let Scratch { squares, refiner, supports, .. } = scratch;
+        squares.lay(self.all, plane.k, &self.cuts[plane.k], step);
+        if squares.step > step {
+            // too many would be needed: those in small boxes are split
+            squares.rest.append(&mut squares.inside);
+        }
+        self.refine(plane, &squares.points, &squares.rest, supports, refiner);
+        part.indices.extend(squares.inside.iter().flatten());
+        self.displaced(plane, refiner, part);
+    }
+
+    fn refine<'p>(
+        &self,
+        plane: &Plane,
+        points: impl IntoIterator<Item = &'p DVec2>,
+        triangles: &[[u32; 3]],
+        supports: &Supports,
+        refiner: &mut Refiner,
+    ) {
         let eye = self.camera.eye();
         let pixel = |p: DVec3| self.pixel * (p - eye).length();
         let mut rule = self.rule;
@@ -342,13 +404,15 @@ impl Maker<'_> {
             Projection::Orthographic => Smallest::Length(self.pixel),
             Projection::Perspective { .. } => Smallest::At(&pixel),
         };
-        let lift = |q: &DVec2| self.planes.frame.lift(*q, plane.height);
-        let inside = &regions.inside;
-        let points = inside.points.iter().chain(&inside.extra).map(lift);
-        scratch.refiner.refine(points, &inside.triangles, self.prepared, &self.supports, &rule);
+        let points = points.into_iter().map(|q| self.planes.frame.lift(*q, plane.height));
+        refiner.refine(points, triangles, self.prepared, supports, &rule);
+    }
+
+    /// Emits what was refined.
+    fn displaced(&self, plane: &Plane, refiner: &Refiner, part: &mut Part) {
         let base = part.vertices.len() as u32;
         let texturing = Texturing::new(&self.texture_from_world, Some(plane.next), self.center);
-        corners(scratch.refiner.positions(), &self.blocks, &texturing, true, |c| {
+        corners(refiner.positions(), &self.blocks, &texturing, true, |c| {
             part.vertices.push(SliceVertex {
                 position: c.position,
                 front: c.front,
@@ -356,7 +420,7 @@ impl Maker<'_> {
                 jacobian: c.jacobian,
             });
         });
-        part.indices.extend(scratch.refiner.triangles().iter().flatten().map(|i| i + base));
+        part.indices.extend(refiner.triangles().iter().flatten().map(|i| i + base));
     }
 
     /// Emits vertices whose texture coordinates are an affine map of position.
