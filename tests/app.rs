@@ -723,3 +723,32 @@ fn resident() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;
     text.split_whitespace().nth(1)?.parse::<u64>().ok().map(|pages| pages * 4096)
 }
+
+#[test]
+fn the_smooth_surface_has_a_look_of_its_own() {
+    let home = tempfile::tempdir().unwrap();
+    let mut h = modeller("phantom:gaussian:24", home.path());
+    h.get_by_label("Look").click();
+    settled(&mut h);
+    // dim while another mode shows
+    h.get_by_label("hollows").click();
+    h.run_steps(3);
+    let surface = |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().surface.clone();
+    assert!(surface(&h).is_plain());
+    key(&mut h, Modifiers::NONE, Key::Num4);
+    until(&mut h, "the surface", |m| m.shown.as_ref().is_some_and(|s| s.last && s.report.slices == 0));
+    let plain = m(&mut h).shown.as_ref().unwrap().image.clone();
+    h.get_by_label("hollows").click();
+    h.run_steps(3);
+    h.get_by_label("mean").click();
+    until(&mut h, "its colours", |m| {
+        m.shown.as_ref().is_some_and(|s| s.last && s.report.slices == 0 && s.image.pixels != plain.pixels)
+    });
+    assert!(surface(&h).occlusion && surface(&h).curvature.is_some());
+    h.get_by_label("Add a surface").click();
+    h.run_steps(3);
+    assert_eq!(surface(&h).shells.len(), 1);
+    h.get_by_label("Opacity of surface 2");
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    assert!(surface(&h).shells.is_empty());
+}
