@@ -7,6 +7,11 @@ use eframe::egui::{
 
 pub const ACCENT: Color32 = Color32::from_rgb(0xe8, 0xa3, 0x3d);
 pub const ERROR: Color32 = Color32::from_rgb(0xe5, 0x53, 0x4b);
+/// Ground and bars of plots, dark in both themes: the colours of materials are mostly bright.
+pub const PLOT: Color32 = Color32::from_rgb(0x17, 0x19, 0x1c);
+pub const PLOT_BAR: Color32 = Color32::from_rgb(0x2c, 0x30, 0x35);
+/// Letters on them.
+pub const PLOT_TEXT: Color32 = Color32::from_rgb(0x8b, 0x92, 0x99);
 /// World x, y, z.
 pub const AXES: [Color32; 3] =
     [Color32::from_rgb(0xe0, 0x55, 0x5b), Color32::from_rgb(0x7f, 0xb0, 0x4b), Color32::from_rgb(0x4b, 0x8b, 0xd6)];

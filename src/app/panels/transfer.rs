@@ -100,7 +100,7 @@ fn curve(m: &mut Modeller, ui: &mut egui::Ui, function: &mut TransferFunction, d
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Group, true, "Curve of the transfer function"));
     let painter = ui.painter_at(rect);
-    painter.rect_filled(rect, 4.0, ui.visuals().extreme_bg_color);
+    painter.rect_filled(rect, 4.0, theme::PLOT);
     let area = Rect::from_min_max(rect.min + Vec2::new(8.0, 8.0), rect.max - Vec2::new(8.0, 20.0));
     let x = |at: f32| area.left() + at * area.width();
     let y = |o: f32| area.bottom() - height(o) * area.height();
@@ -118,7 +118,7 @@ fn curve(m: &mut Modeller, ui: &mut egui::Ui, function: &mut TransferFunction, d
         }
         let top = area.bottom() - (scaled(*c) / most) as f32 * area.height();
         let bar = Rect::from_min_max(Pos2::new(x(a.max(0.0)), top), Pos2::new(x(b.min(1.0)), area.bottom()));
-        painter.rect_filled(bar, 0.0, ui.visuals().widgets.inactive.bg_fill);
+        painter.rect_filled(bar, 0.0, theme::PLOT_BAR);
     }
     // the curve in its own colours, and the colours alone below it
     let steps = area.width() as usize;
