@@ -31,6 +31,28 @@ struct Corner {
     @location(6) @interpolate(flat) kind: u32,
 }
 
+// no point of a cube has a smaller depth than this: that of its middle less the reach of the cube, times the steepness of depths
+fn nearest(center: vec3f) -> f32 {
+    let reach = 1.25 * 0.8661 + 0.02;
+    let across = normalize(cross(view.across.xyz, view.down.xyz));
+    let origin = view.origin.xyz + view.origin_low.xyz;
+    let eye = view.eye.xyz + view.eye_low.xyz;
+    if view.eye.w == 0.0 {
+        let rate = dot(across, eye);
+        return dot(across, center - origin) / rate - reach / abs(rate);
+    }
+    let way = center - eye;
+    let distance = length(way);
+    let cosine = dot(across, way) / distance;
+    // next to the eye, and beside it, depths are steep
+    if distance < 8.0 || abs(cosine) < 0.1 {
+        return -1e30;
+    }
+    let plane = dot(across, origin - eye) / cosine;
+    let tangent = sqrt(max(1.0 - cosine * cosine, 0.0)) / abs(cosine);
+    return distance - plane - reach * (1.0 + abs(plane) * tangent / distance);
+}
+
 @vertex
 fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) batch: u32) -> Corner {
     var out: Corner;
@@ -71,7 +93,11 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) batc
     local += (local - INCENTER) * (MARGIN * pixel / INRADIUS);
     let clip = view.clip_from_voxel * vec4f(center + axes * local, 1.0);
     // the fragments find their own depth: no face is cut off by the near or the far plane
-    out.position = vec4f(clip.xy, 0.5 * clip.w, clip.w);
+    var depth = 0.5;
+    if EARLY {
+        depth = buffer_depth(nearest(center));
+    }
+    out.position = vec4f(clip.xy, depth * clip.w, clip.w);
     out.center = center;
     out.kind = kind;
     return out;

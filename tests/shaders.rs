@@ -48,7 +48,11 @@ fn the_other_passes_are_valid() {
     validate("spline layer", shader::spline_layer());
     for stored in [false, true] {
         validate("spline emit", &shader::spline_emit(stored));
-        validate("spline draw", &shader::spline_draw(stored));
+        validate("spline draw", &shader::spline_draw(stored, false));
+        let early = parsed("spline draw, early", &shader::spline_draw(stored, true));
+        if let Err(e) = Validator::new(ValidationFlags::all(), Capabilities::EARLY_DEPTH_TEST).validate(&early) {
+            panic!("spline draw, early: {e:?}");
+        }
     }
 }
 
@@ -93,7 +97,7 @@ fn shared_structs_lie_as_in_rust() {
         same_layout!(source, "Head", SplineHead:
             over_blocks, blocks, over_chunks, numbers, wanted_blocks, wanted_tets, first, count, draws);
     }
-    for source in [shader::spline_draw(false), shader::spline_cap()] {
+    for source in [shader::spline_draw(false, false), shader::spline_cap()] {
         same_layout!(source, "View", SplineViewUniform:
             clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
             eye_low, dims, iso, planes, normals, tint, positive, negative, window, shell,

@@ -308,6 +308,26 @@ fn another_isovalue_or_view_is_like_a_new_pass() {
 }
 
 /// Every tetrahedron whose hull holds the isovalue, and no other, up to the rounding of `f32`.
+/// What is left out before it is shaded would not have been seen.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
+fn early_depth_changes_nothing() {
+    let (fast, plain) = (gpu(), Gpu::open_plain(Preference::Any).unwrap());
+    assert!(!plain.capabilities().early_depth);
+    for shot in shots() {
+        let (view, spline) = (shot.view(), &shot.spline);
+        let probed = |gpu: &Gpu| {
+            let mut pass = SplinePass::new(gpu).unwrap();
+            pass.set_spline(gpu, spline).unwrap();
+            pass.probe(gpu, &view, shot.iso).unwrap()
+        };
+        let (early, late) = (probed(&fast), probed(&plain));
+        let different = early.iter().zip(&late).filter(|(a, b)| a != b).count();
+        assert_eq!(different, 0, "{}", shot.what);
+        assert!(early.iter().any(|p| *p != [0.0; 4]));
+    }
+}
+
 #[test]
 #[cfg_attr(not(gpu_adapter), ignore = "no graphics driver is installed")]
 fn the_tetrahedra_are_those_whose_hull_holds_the_isovalue() {

@@ -47,6 +47,8 @@ pub struct Capabilities {
     pub timestamps: bool,
     /// Invocations of fragment shaders can be counted.
     pub statistics: bool,
+    /// Fragments that write a depth can be left out by a bound of it.
+    pub early_depth: bool,
 }
 
 impl Capabilities {
@@ -56,6 +58,7 @@ impl Capabilities {
             filter_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
             statistics: features.contains(wgpu::Features::PIPELINE_STATISTICS_QUERY),
+            early_depth: features.contains(wgpu::Features::SHADER_EARLY_DEPTH_TEST),
         }
     }
 }
@@ -121,6 +124,7 @@ impl Gpu {
             })?;
         let info = adapter.get_info();
         let wanted = wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
+            | wgpu::Features::SHADER_EARLY_DEPTH_TEST
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
             | wgpu::Features::TIMESTAMP_QUERY

@@ -161,10 +161,19 @@ pub fn spline_emit(stored: bool) -> String {
     format!("const STORED: bool = {stored};\n{SPLINE}{SPLINE_CLASSIFY}{SPLINE_EMIT}")
 }
 
-/// The shader that draws them; `stored`: with the coefficients that were listed.
-pub fn spline_draw(stored: bool) -> String {
+/// The shader that draws them; `stored`: with the coefficients that were listed; `early`: what lies behind what was drawn before
+/// is left out before its fragments look for the surface.
+pub fn spline_draw(stored: bool, early: bool) -> String {
     let cones = cones();
-    format!("const STORED: bool = {stored};\n{cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DRAW}")
+    let draw = if early {
+        SPLINE_DRAW.replace("@fragment\n", "@fragment\n@early_depth_test(greater_equal)\n")
+    } else {
+        SPLINE_DRAW.to_owned()
+    };
+    format!(
+        "const STORED: bool = {stored};\nconst EARLY: bool = {early};\n\
+         {cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{draw}"
+    )
 }
 
 /// The shader that draws caps.

@@ -41,6 +41,8 @@ pub struct Drawer {
     indices: wgpu::Buffer,
     /// One for each surface.
     uniforms: Vec<wgpu::Buffer>,
+    /// Whether depths are tested before fragments are shaded.
+    early: bool,
     /// By target, then without and with stored coefficients; made when first used.
     tets: [[Option<wgpu::RenderPipeline>; 2]; 2],
     caps: [Option<wgpu::RenderPipeline>; 2],
@@ -127,7 +129,7 @@ impl Drawer {
         let layout = &self.layout;
         let tets = &mut self.tets[target as usize][usize::from(stored)];
         if tets.is_none() {
-            let source = shader::spline_draw(stored);
+            let source = shader::spline_draw(stored, self.early);
             *tets = Some(gpu.allocate("a pipeline", 0, || {
                 // back faces: those in front may lie behind the eye
                 pipeline(gpu, layout, &source, target, Some(wgpu::Face::Front))

@@ -17,6 +17,9 @@
 //!   lost far from the origin.
 //! - A rasterizer puts corners on a grid of 1/256 of a pixel, so a pixel on a border may go to the wrong tetrahedron. They
 //!   are therefore drawn a hundredth of a pixel larger, and each fragment looks itself where its ray is in the tetrahedron.
+//! - A fragment writes its own depth, which hides from the hardware what lies behind. Where the adapter can be promised that
+//!   fragments lie behind their faces, faces are drawn at the smallest depth of their cube, so that those behind what was drawn
+//!   before are never shaded.
 //! - Only rises count. Where a ray begins above the isovalue, on a plane that cuts or on the border, there is a flat cap, which
 //!   a pass over the whole picture draws, if there can be any.
 //! - Where surfaces are translucent they are peeled (Everitt, "Interactive order-independent transparency", 2001): each layer
