@@ -68,30 +68,29 @@ impl<'a> Visibility<'a> {
         self.dims.into_iter().fold(1.0, f32::max)
     }
 
-    /// Extent of a triangle in voxels, and whether anything in it can be seen.
+    /// Extent of a triangle in voxels, in front or behind, and whether anything in it can be seen. The way from front to back
+    /// does not count: no split makes it shorter.
     fn look(&self, corners: [&SliceVertex; 3]) -> (f32, bool) {
         let mut lo = [f32::INFINITY; 3];
         let mut hi = [f32::NEG_INFINITY; 3];
         let mut outside = false;
+        let mut size = 0.0f32;
         for i in 0..3 {
-            for c in corners {
-                lo[i] = lo[i].min(c.front[i]);
-                hi[i] = hi[i].max(c.front[i]);
-            }
-            outside |= hi[i] < 0.0 || lo[i] > 1.0;
-            for c in corners {
-                lo[i] = lo[i].min(c.back[i]);
-                hi[i] = hi[i].max(c.back[i]);
-            }
-            lo[i] = lo[i] * self.dims[i] - 0.5;
-            hi[i] = hi[i] * self.dims[i] - 0.5;
+            let bounds = |at: [f32; 3]| {
+                at.into_iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
+            };
+            let (front, back) = (bounds(corners.map(|c| c.front[i])), bounds(corners.map(|c| c.back[i])));
+            outside |= front[1] < 0.0 || front[0] > 1.0;
+            size = size.max((front[1] - front[0]) * self.dims[i]).max((back[1] - back[0]) * self.dims[i]);
+            lo[i] = front[0].min(back[0]) * self.dims[i] - 0.5;
+            hi[i] = front[1].max(back[1]) * self.dims[i] - 0.5;
         }
         let extent = (0..3).fold(0.0f32, |e, i| e.max(hi[i] - lo[i]));
         // NaN coordinates are not drawn, and compare as neither
         if outside || !extent.is_finite() {
             return (0.0, false);
         }
-        (extent, self.visible(lo, hi, extent))
+        (size, self.visible(lo, hi, extent))
     }
 
     /// Whether the values between two points in voxel coordinates can be seen.
@@ -324,6 +323,17 @@ mod tests {
         let culled = cull(&g, Visibility::new(&field, &table, &frame(&field, &g, Shading::Volume)).unwrap());
         assert_eq!(culled, Culled { added: Vec::new(), indices: g.indices.clone(), slices: g.slices.clone() });
         assert!(Visibility::new(&field, &table, &frame(&field, &g, Shading::Mip)).is_none());
+    }
+
+    #[test]
+    fn slices_far_apart_are_split_as_little_as_others() {
+        let (field, table) = (ball(), table());
+        let mut g = slices();
+        let near = cull(&g, Visibility::new(&field, &table, &frame(&field, &g, Shading::Volume)).unwrap());
+        // a leaf and a half from slice to slice
+        g.vertices.iter_mut().for_each(|v| v.back[1] = v.front[1] + 1.5 * LEAF / N as f32);
+        let far = cull(&g, Visibility::new(&field, &table, &frame(&field, &g, Shading::Volume)).unwrap());
+        assert!(!far.indices.is_empty() && far.indices.len() < 10 * near.indices.len());
     }
 
     #[test]
