@@ -173,7 +173,15 @@ fn object(samples: Vec<f32>) -> Object {
 
 /// From the front, two pixels for each voxel.
 fn camera() -> Camera {
-    Camera { target: DVec3::ZERO, yaw: 0.0, pitch: 0.0, radius: 20.0, zoom: 1.0, projection: Projection::Orthographic }
+    Camera {
+        target: DVec3::ZERO,
+        yaw: 0.0,
+        pitch: 0.0,
+        radius: 20.0,
+        zoom: 1.0,
+        roll: 0.0,
+        projection: Projection::Orthographic,
+    }
 }
 
 const SIZE: u32 = 80;

@@ -101,6 +101,9 @@ pub struct LookArgs {
     /// Degrees above the horizon.
     #[arg(long, value_name = "B", allow_negative_numbers = true)]
     pitch: Option<f64>,
+    /// The picture is turned by this angle about the axis of view, in degrees.
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    roll: Option<f64>,
     #[arg(long, value_name = "Z")]
     zoom: Option<f64>,
     /// Preset (such as ct-bone; a wrong name lists them), file, or `auto`.
@@ -168,7 +171,14 @@ impl LookArgs {
             (None, None) => {}
             (Some(_), Some(_)) => bail!("--iso goes with --shading iso only"),
         }
-        for (name, v) in [("--yaw", self.yaw), ("--pitch", self.pitch), ("--zoom", self.zoom), ("--iso", self.iso)] {
+        let numbers = [
+            ("--yaw", self.yaw),
+            ("--pitch", self.pitch),
+            ("--roll", self.roll),
+            ("--zoom", self.zoom),
+            ("--iso", self.iso),
+        ];
+        for (name, v) in numbers {
             if v.is_some_and(|v| !v.is_finite()) {
                 bail!("{name} must be a finite number");
             }
@@ -178,6 +188,7 @@ impl LookArgs {
         }
         let camera = &mut document.camera;
         camera.yaw = self.yaw.unwrap_or(camera.yaw);
+        camera.roll = self.roll.unwrap_or(camera.roll);
         camera.pitch = self.pitch.unwrap_or(camera.pitch);
         camera.zoom = self.zoom.unwrap_or(camera.zoom);
         if self.orthographic {

@@ -94,6 +94,7 @@ impl Drawer {
             layout,
             indices,
             uniforms: Vec::new(),
+            early: gpu.capabilities().early_depth,
             tets: Default::default(),
             caps: Default::default(),
         })
