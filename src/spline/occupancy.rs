@@ -41,7 +41,7 @@ pub const OFFSET: f32 = 1.25;
 pub const STEPS: usize = 7;
 pub const GROWTH: f32 = 1.6;
 /// What such a cone meets of a plane it begins on, in the mean of all normals: that is no occlusion.
-pub const FLAT: f32 = 0.92;
+pub const FLAT: f32 = 0.88;
 /// Width of the cone towards the light for each unit of its length, and its most steps.
 pub const PENUMBRA: f32 = 0.12;
 pub const SHADOW_STEPS: usize = 64;

@@ -59,8 +59,8 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
         m.edit(Edit::SetLook(look));
     }
     clipping(m, ui, document.clip);
-    surface::show(m, ui, &document.surface, &data);
     transfer::show(m, ui, &document, &data);
+    surface::show(m, ui, &document.surface, &data);
 }
 
 /// Opacity by the gradient: the inside of what is uniform vanishes.
