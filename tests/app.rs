@@ -731,6 +731,8 @@ fn the_smooth_surface_has_a_look_of_its_own() {
     h.get_by_label("Look").click();
     settled(&mut h);
     // dim while another mode shows
+    h.get_by_label("hollows").scroll_to_me();
+    h.run_steps(20);
     h.get_by_label("hollows").click();
     h.run_steps(3);
     let surface = |h: &Bench| h.state().as_ref().unwrap().desk.as_ref().unwrap().history.document().surface.clone();

@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::{row, surface, title, transfer};
 use crate::app::modeller::Modeller;
 use crate::app::theme;
+use crate::evaluate::picture::Mode;
 use crate::scene::{Clip, CutPlane, Edit, LookSpec, ShadingSpec};
 
 pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
@@ -58,9 +59,16 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     if look != before {
         m.edit(Edit::SetLook(look));
     }
+    // at hand where it shows, out of the way where it does not
+    let smooth = m.view.mode == Mode::Spline;
+    if smooth {
+        surface::show(m, ui, &document.surface, &data);
+    }
     clipping(m, ui, document.clip);
     transfer::show(m, ui, &document, &data);
-    surface::show(m, ui, &document.surface, &data);
+    if !smooth {
+        surface::show(m, ui, &document.surface, &data);
+    }
 }
 
 /// Opacity by the gradient: the inside of what is uniform vanishes.
