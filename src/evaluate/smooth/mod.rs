@@ -40,7 +40,7 @@ struct Smooth {
 /// How full space is, and for what.
 #[derive(Debug)]
 struct Filled {
-    /// Isovalues and opacities.
+    /// Isovalues, and how much each takes away.
     shells: Vec<(f64, f32)>,
     clip: Vec<CutPlane>,
     /// Where rays look for it themselves.
@@ -95,7 +95,8 @@ impl Smooth {
 
     /// Finds how full space is, for some surfaces; says whether it was not known.
     fn occupancy(&mut self, object: &Object, shells: &[Shell]) -> bool {
-        let key: Vec<_> = shells.iter().map(|s| (s.iso, s.opacity)).collect();
+        // a translucent surface is no body: little light is lost behind it
+        let key: Vec<_> = shells.iter().map(|s| (s.iso, s.opacity.powi(3))).collect();
         let mesh = (self.through.is_some() && object.shaped).then(|| object.mesh.clone());
         if self.occupancy.as_ref().is_some_and(|o| o.shells == key && o.clip == object.clip && o.mesh == mesh) {
             return false;
