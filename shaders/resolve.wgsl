@@ -2,12 +2,6 @@
 
 @group(2) @binding(0) var accumulated: texture_2d<f32>;
 
-@vertex
-fn vertex_main(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
-    // one triangle over everything
-    return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);
-}
-
 @fragment
 fn resolve_main(@builtin(position) at: vec4f) -> @location(0) vec4f {
     let color = textureLoad(accumulated, vec2i(at.xy), 0);

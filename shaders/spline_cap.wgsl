@@ -1,11 +1,5 @@
 // Where rays begin above the isovalue: flat caps on planes that cut, and on the faces of the domain.
 
-@vertex
-fn vertex_main(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
-    // one triangle over everything
-    return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.5, 1.0);
-}
-
 struct Cap {
     hit: Hit,
     met: bool,

@@ -45,7 +45,7 @@ fn the_other_passes_are_valid() {
     validate("spline scan", shader::spline_scan());
     validate("spline classify", &shader::spline_classify());
     validate("spline cap", &shader::spline_cap());
-    validate("spline layer", shader::spline_layer());
+    validate("spline layer", &shader::spline_layer());
     for stored in [false, true] {
         validate("spline emit", &shader::spline_emit(stored));
         validate("spline draw", &shader::spline_draw(stored, false));

@@ -1,6 +1,6 @@
 //! From the accumulated picture to pixels, and back to the host.
 
-use super::bind::cleared;
+use super::bind::{cleared, fullscreen};
 use super::layout::padded_row;
 use super::slicing::SliceTarget;
 use super::{Gpu, GpuError, shader};
@@ -141,29 +141,5 @@ impl PixelTarget {
 }
 
 fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, mip: bool) -> wgpu::RenderPipeline {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("resolve"),
-        source: wgpu::ShaderSource::Wgsl(shader::resolve(mip).into()),
-    });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("resolve"),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("resolve_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::TextureFormat::Rgba8Unorm.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    fullscreen(gpu, "resolve", layout, (shader::resolve(mip), "resolve_main"), wgpu::TextureFormat::Rgba8Unorm.into())
 }

@@ -18,6 +18,7 @@ const RESAMPLE: &str = include_str!("../../shaders/resample.wgsl");
 const WARP: &str = include_str!("../../shaders/warp.wgsl");
 const WARP_CLAIM: &str = include_str!("../../shaders/warp_claim.wgsl");
 const WARP_SAMPLE: &str = include_str!("../../shaders/warp_sample.wgsl");
+const FULLSCREEN: &str = include_str!("../../shaders/fullscreen.wgsl");
 const SPLINE: &str = include_str!("../../shaders/spline.wgsl");
 const SPLINE_SCAN: &str = include_str!("../../shaders/spline_scan.wgsl");
 const SPLINE_CLASSIFY: &str = include_str!("../../shaders/spline_classify.wgsl");
@@ -109,7 +110,7 @@ impl Variant {
 
 /// The shader that turns the accumulated picture into pixels.
 pub fn resolve(mip: bool) -> String {
-    format!("const MIP: bool = {mip};\n{COMMON}{RESOLVE}")
+    format!("const MIP: bool = {mip};\n{COMMON}{FULLSCREEN}{RESOLVE}")
 }
 
 /// The shader that resamples the deformed volume.
@@ -178,12 +179,12 @@ pub fn spline_draw(stored: bool, early: bool) -> String {
 
 /// The shader that draws caps.
 pub fn spline_cap() -> String {
-    [&cones(), COMMON, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
+    [&cones(), COMMON, FULLSCREEN, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
 }
 
 /// The shader that puts layers of surfaces together.
-pub fn spline_layer() -> &'static str {
-    SPLINE_LAYER
+pub fn spline_layer() -> String {
+    [FULLSCREEN, SPLINE_LAYER].concat()
 }
 
 /// What both renderers know of the cones that shade surfaces.

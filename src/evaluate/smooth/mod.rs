@@ -313,7 +313,7 @@ fn on_gpu(
         *uploaded = true;
     }
     if let (Some(filled), false) = (&smooth.occupancy, *shaded) {
-        pass.set_occupancy(gpu, Some(&filled.occupancy))?;
+        pass.set_occupancy(gpu, &filled.occupancy)?;
         *shaded = true;
     }
     report.ms_geometry = since(started);

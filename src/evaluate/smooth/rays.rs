@@ -167,19 +167,31 @@ impl<'a> Scene<'a> {
                 return hits;
             }
             let mut met = Vec::new();
-            for (n, pixel) in pixels.iter_mut().enumerate() {
-                let (x, y) = (n % width as usize, piece * ROWS + n / width as usize);
-                let [r, g, b, a] = self.pixel(x, y, &mut met);
-                hits += u64::from(a > 0.0);
-                *pixel = self.encoded([r, g, b], a, y);
+            for (row, pixels) in pixels.chunks_exact_mut(width as usize).enumerate() {
+                let y = piece * ROWS + row;
+                let behind = self.background(y);
+                for (x, pixel) in pixels.iter_mut().enumerate() {
+                    let [r, g, b, a] = self.pixel(x, y, &mut met);
+                    hits += u64::from(a > 0.0);
+                    *pixel = self.encoded([r, g, b], a, behind);
+                }
             }
             hits
         });
         (picture, hits.into_iter().sum())
     }
 
-    /// Premultiplied linear light over the background, as pixels are stored.
-    fn encoded(&self, color: [f64; 3], alpha: f64, y: usize) -> [u8; 4] {
+    /// Linear light of a row without surfaces.
+    fn background(&self, y: usize) -> [f64; 3] {
+        let t = (y as f32 + 0.5) / self.frame.size[1] as f32;
+        std::array::from_fn(|c| {
+            let [top, bottom] = self.frame.background.map(|b| b[c]);
+            f64::from(linear_from_srgb(top + (bottom - top) * t))
+        })
+    }
+
+    /// Premultiplied linear light over what is behind it, as pixels are stored.
+    fn encoded(&self, color: [f64; 3], alpha: f64, behind: [f64; 3]) -> [u8; 4] {
         let byte = |v: f64| (srgb_from_linear(v as f32) * 255.0).round() as u8;
         if self.frame.has(Frame::TRANSPARENT) {
             if alpha <= 0.0 {
@@ -188,12 +200,7 @@ impl<'a> Scene<'a> {
             let [r, g, b] = color.map(|v| byte(v / alpha));
             return [r, g, b, (alpha * 255.0).round() as u8];
         }
-        let t = (y as f32 + 0.5) / self.frame.size[1] as f32;
-        let behind = |c: usize| {
-            let [top, bottom] = self.frame.background.map(|b| b[c]);
-            f64::from(linear_from_srgb(top + (bottom - top) * t))
-        };
-        let [r, g, b] = std::array::from_fn(|c| byte(color[c] + (1.0 - alpha) * behind(c)));
+        let [r, g, b] = std::array::from_fn(|c| byte(color[c] + (1.0 - alpha) * behind[c]));
         [r, g, b, 255]
     }
 
@@ -221,8 +228,7 @@ impl<'a> Scene<'a> {
                 });
             }
         }
-        if let [(_, _)] = self.surfaces[..] {
-        } else {
+        if self.surfaces.len() > 1 {
             met.sort_by(|a, b| a.t.total_cmp(&b.t));
         }
         for m in met.iter() {

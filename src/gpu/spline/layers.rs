@@ -1,6 +1,6 @@
 //! Translucent surfaces: layer behind layer, put together from the front.
 
-use crate::gpu::bind::{cleared, group, group_layout};
+use crate::gpu::bind::{cleared, fullscreen, group, group_layout};
 use crate::gpu::slicing::{ACCUMULATED, SliceTarget};
 use crate::gpu::{Gpu, GpuError, shader};
 
@@ -73,10 +73,6 @@ pub fn nothing_before(gpu: &Gpu) -> Result<wgpu::TextureView, GpuError> {
 }
 
 fn pipeline(gpu: &Gpu, layout: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("layer"),
-        source: wgpu::ShaderSource::Wgsl(shader::spline_layer().into()),
-    });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("layer"),
         bind_group_layouts: &[Some(layout)],
@@ -87,29 +83,10 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
         dst_factor: wgpu::BlendFactor::One,
         operation: wgpu::BlendOperation::Add,
     };
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("layer"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("layer_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState {
-                format: ACCUMULATED,
-                blend: Some(wgpu::BlendState { color: under, alpha: under }),
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let target = wgpu::ColorTargetState {
+        format: ACCUMULATED,
+        blend: Some(wgpu::BlendState { color: under, alpha: under }),
+        write_mask: wgpu::ColorWrites::ALL,
+    };
+    fullscreen(gpu, "layer", &layout, (shader::spline_layer(), "layer_main"), target)
 }

@@ -110,6 +110,17 @@ struct Level {
     wanted: [u32; 2],
 }
 
+/// Where in a picture surfaces are drawn.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    /// Nothing was drawn before.
+    first: bool,
+    /// Whether a layer may follow, which needs the depths.
+    layered: bool,
+    /// Depths of the layer before.
+    before: &'a wgpu::TextureView,
+}
+
 /// Bytes that a shader can reach of a buffer.
 fn binding_limit(gpu: &Gpu) -> u64 {
     gpu.limits().max_storage_buffer_binding_size.min(gpu.limits().max_buffer_size)
@@ -179,11 +190,10 @@ impl SplinePass {
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]; then nothing does.
-    pub fn set_occupancy(&mut self, gpu: &Gpu, occupancy: Option<&Occupancy>) -> Result<(), GpuError> {
+    pub fn set_occupancy(&mut self, gpu: &Gpu, occupancy: &Occupancy) -> Result<(), GpuError> {
+        // the old one goes first
         self.occupancy = OccupancyTexture::empty(gpu)?;
-        if let Some(occupancy) = occupancy {
-            self.occupancy = OccupancyTexture::new(gpu, occupancy)?;
-        }
+        self.occupancy = OccupancyTexture::new(gpu, occupancy)?;
         Ok(())
     }
 
@@ -263,13 +273,13 @@ impl SplinePass {
                     let mut before = &self.nothing;
                     for layer in 0..layers {
                         let own = &peeled.targets[layer as usize % 2];
-                        let caps = if layer == 0 { Some(view) } else { None };
-                        self.record(gpu, &mut encoder, (Target::Picture, own), &isos, caps, before);
+                        let place = Place { first: layer == 0, layered: true, before };
+                        self.record(gpu, &mut encoder, (Target::Picture, own), &isos, view, place);
                         peeled.add(&mut encoder, layer, target);
                         before = &own.depth;
                     }
                 }
-                _ => self.record(gpu, &mut encoder, (Target::Picture, target), &isos, Some(view), &self.nothing),
+                _ => self.record(gpu, &mut encoder, (Target::Picture, target), &isos, view, self.alone()),
             }
             self.resolve.run(&mut encoder, pixels, &self.frame_group, false, None);
             let counter = self.counter.as_ref().filter(|_| layers == 0);
@@ -309,7 +319,7 @@ impl SplinePass {
         loop {
             let mut encoder = encoder(gpu);
             let fresh = self.record_lists(gpu, &mut encoder, &[iso]);
-            self.record(gpu, &mut encoder, (Target::Probe, &target), &[iso], Some(view), &self.nothing);
+            self.record(gpu, &mut encoder, (Target::Probe, &target), &[iso], view, self.alone());
             encoder.copy_texture_to_buffer(
                 target.color.texture().as_image_copy(),
                 wgpu::TexelCopyBufferInfo {
@@ -352,23 +362,27 @@ impl SplinePass {
         fresh
     }
 
-    /// Records the draws; with a view, caps, too.
+    /// The place of a picture that has no layers.
+    fn alone(&self) -> Place<'_> {
+        Place { first: true, layered: false, before: &self.nothing }
+    }
+
+    /// Records the draws, and of what comes first, the caps.
     fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         target: (Target, &SliceTarget),
         isos: &[f64],
-        caps: Option<&SplineView>,
-        before: &wgpu::TextureView,
+        view: &SplineView,
+        Place { first, layered, before }: Place<'_>,
     ) {
         let Some(samples) = &self.samples else { return };
-        let cut = caps.is_some_and(|view| view.cuts_in(samples.dims));
-        let capped = |iso: f64| cut || (caps.is_some() && f64::from(samples.border) >= iso);
+        let cut = view.cuts_in(samples.dims);
+        let capped = |iso: f64| first && (cut || f64::from(samples.border) >= iso);
         let surfaces: Vec<_> = self.levels.iter().zip(isos).map(|(level, iso)| (&level.lists, capped(*iso))).collect();
-        let layered = self.layers.as_ref().is_some_and(|l| l.targets.iter().any(|t| std::ptr::eq(t, target.1)));
         let scene = Scene { frame: &self.frame_group, samples, before, layered, occupancy: &self.occupancy };
-        let counter = self.counter.as_ref().filter(|_| target.0 == Target::Picture && caps.is_some());
+        let counter = self.counter.as_ref().filter(|_| target.0 == Target::Picture && !layered);
         self.drawer.run(gpu, encoder, target, &scene, &surfaces, counter);
     }
 
