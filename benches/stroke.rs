@@ -114,6 +114,7 @@ fn main() {
     h.step();
     let mut pos = at;
     let mut largest = Vec::with_capacity(EVENTS);
+    let mut coarse = Vec::with_capacity(EVENTS);
     for i in 0..EVENTS {
         let a = i as f32 * 0.05;
         pos = at + 60.0 * Vec2::new(a.sin(), 1.0 - a.cos());
@@ -121,6 +122,9 @@ fn main() {
         h.step();
         // a mouse that reports at 60 Hz
         std::thread::sleep(Duration::from_millis(12));
+        if let Some(shown) = h.state().as_ref().and_then(|m| m.shown.as_ref()).filter(|s| s.moving) {
+            coarse.push((shown.report.slices, shown.scale));
+        }
         // the first event makes what the stroke needs
         if i > 0 {
             largest.push(LARGEST.swap(0, Ordering::Relaxed));
@@ -133,6 +137,11 @@ fn main() {
     h.step();
     until(&mut h, &|m| m.shown.as_ref().is_some_and(|s| s.last && !s.moving));
     println!("head 256^3, hull of {} triangles, 10 displacement volumes", triangles.unwrap_or(0));
+    if let (Some(few), Some(many)) = (coarse.iter().map(|c| c.0).min(), coarse.iter().map(|c| c.0).max()) {
+        let scales = || coarse.iter().map(|c| c.1);
+        let (small, large) = (scales().fold(1.0, f32::min), scales().fold(0.0, f32::max));
+        println!("coarse pictures: {few} to {many} slices, {small:.2} to {large:.2} of the resolution");
+    }
     println!("{:<18} {:>8} {:>8} {:>8} {:>6}", "ms", "median", "95 %", "worst", "count");
     let Some(m) = h.state() else { return };
     for (name, series) in m.trace.rows() {

@@ -740,6 +740,28 @@ fn the_smooth_surface_has_a_look_of_its_own() {
     key(&mut h, Modifiers::NONE, Key::Num4);
     until(&mut h, "the surface", |m| m.shown.as_ref().is_some_and(|s| s.last && s.report.slices == 0));
     let plain = m(&mut h).shown.as_ref().unwrap().image.clone();
+    // it follows the hand itself
+    let at = middle(&h);
+    let press = |pressed| egui::Event::PointerButton {
+        pos: at,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    h.event(press(true));
+    h.step();
+    h.event(egui::Event::PointerMoved(at + Vec2::new(30.0, 10.0)));
+    until(&mut h, "the surface under the hand", |m| {
+        m.shown.as_ref().is_some_and(|s| s.moving && s.report.slices == 0 && s.image.pixels != plain.pixels)
+    });
+    h.event(press(false));
+    h.step();
+    assert_eq!(strokes(&h), 1);
+    settled(&mut h);
+    key(&mut h, Modifiers::COMMAND, Key::Z);
+    until(&mut h, "the surface", |m| m.shown.as_ref().is_some_and(|s| s.last && s.image.pixels == plain.pixels));
+    h.get_by_label("hollows").scroll_to_me();
+    h.run_steps(5);
     h.get_by_label("hollows").click();
     h.run_steps(3);
     h.get_by_label("mean").click();

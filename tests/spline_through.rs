@@ -263,6 +263,55 @@ fn strokes(object: &mut Object) {
 }
 
 #[test]
+fn drafts_of_strokes_show_the_surface_itself() {
+    let rest = object(sampled(|p| -p.distance(MIDDLE)));
+    let mut pulled = rest.clone();
+    strokes(&mut pulled);
+    let look = Look { shading: Shading::Iso { value: -11.0, color: [0.9, 0.8, 0.7] }, ..Look::default() };
+    let options = |refinement| ViewOptions {
+        size: (SIZE, SIZE),
+        slices: None,
+        mode: Mode::Spline,
+        refinement,
+        backend: Backend::Cpu,
+        transparent: true,
+        corrections: None,
+    };
+    let take = |renderer: &mut Renderer, object: &Object, direct, refinement| {
+        renderer.set_smooth_look(SmoothLook { direct, ..SmoothLook::default() });
+        renderer.picture(object, &camera(), &look, &options(refinement)).unwrap()
+    };
+    let fine = Refinement::Tolerance(0.25);
+    let fresh = |object: &Object, direct| take(&mut Renderer::new(Backend::Cpu).unwrap(), object, direct, fine).0;
+    let (direct, resampled, still) = (fresh(&pulled, true), fresh(&pulled, false), fresh(&rest, false));
+    assert!(direct.pixels != resampled.pixels && direct.pixels != still.pixels);
+
+    // the hand begins to move over an object at rest, rests, and undoes
+    let mut renderer = Renderer::new(Backend::Cpu).unwrap();
+    assert!(!renderer.surface_is_ready(&rest));
+    assert_eq!(take(&mut renderer, &rest, false, fine).0.pixels, still.pixels);
+    assert!(renderer.surface_is_ready(&pulled));
+    let (draft, report) = take(&mut renderer, &pulled, false, Refinement::Draft);
+    assert_eq!(draft.pixels, direct.pixels);
+    assert!(report.warnings.is_empty());
+    assert_eq!(take(&mut renderer, &pulled, false, fine).0.pixels, resampled.pixels);
+    assert_eq!(take(&mut renderer, &pulled, false, Refinement::Draft).0.pixels, resampled.pixels);
+    assert_eq!(take(&mut renderer, &rest, false, Refinement::Draft).0.pixels, still.pixels);
+
+    // and begins with an object that was deformed before
+    let mut renderer = Renderer::new(Backend::Cpu).unwrap();
+    take(&mut renderer, &pulled, false, fine);
+    let mut more = pulled.clone();
+    more.stack.items.pop();
+    assert!(!renderer.surface_is_ready(&more));
+    renderer.make_surface_ready(&pulled).unwrap();
+    assert!(renderer.surface_is_ready(&more));
+    assert_eq!(take(&mut renderer, &more, false, Refinement::Draft).0.pixels, fresh(&more, true).pixels);
+    // another volume is another matter
+    assert!(!renderer.surface_is_ready(&object(sampled(|p| -p.distance(MIDDLE)))));
+}
+
+#[test]
 fn straight_through_strokes_is_like_resampling() {
     let mut ball = object(sampled(|p| -p.distance(MIDDLE)));
     strokes(&mut ball);

@@ -33,11 +33,16 @@ impl Default for Pace {
 }
 
 impl Pace {
+    /// For surfaces, whose pictures are of one layer.
+    pub fn of_surfaces() -> Self {
+        Self { pixel: 1500.0, ..Self::default() }
+    }
+
     /// `coarse`: whether its slices were roughly split, as those are whose number is chosen.
     pub fn learn(&mut self, report: &PictureReport, (w, h): (u32, u32), coarse: bool) {
         let work = f64::from(w) * f64::from(h) * report.slices.max(1) as f64;
         let mix = |old: f64, new: f64| 0.6 * old + 0.4 * new;
-        self.pixel = mix(self.pixel, report.ms_draw * 1e6 / work.max(1.0)).clamp(1e-4, 1e3);
+        self.pixel = mix(self.pixel, report.ms_draw * 1e6 / work.max(1.0)).clamp(1e-4, 1e4);
         if coarse {
             self.slice = mix(self.slice, report.ms_geometry / report.slices.max(1) as f64).clamp(1e-4, 1e3);
         }

@@ -168,6 +168,7 @@ impl Worker {
                 full: None,
                 smaller: None,
                 pace: Pace::default(),
+                surfaces: Pace::of_surfaces(),
             }
             .run();
         });
@@ -225,6 +226,8 @@ struct Painter {
     /// A volume that the device does not take, and what is drawn in its stead.
     smaller: Option<Smaller>,
     pace: Pace,
+    /// The same for smooth surfaces.
+    surfaces: Pace,
 }
 
 /// What is drawn where the whole does not fit.
@@ -287,7 +290,12 @@ impl Painter {
         let stale = move || shared.newest.load(Ordering::SeqCst) != generation;
         let factor = if want.other.is_some() { 0.5 } else { 1.0 };
         let budget = f64::from(want.budget) * factor;
-        let coarse = self.pace.coarse(want.size, slices(0.5), budget);
+        let smooth = want.mode == Mode::Spline && self.renderer.as_ref().is_some_and(|r| r.surface_is_ready(&object));
+        let coarse = if smooth {
+            self.surfaces.coarse(want.size, 1.0, budget)
+        } else {
+            self.pace.coarse(want.size, slices(0.5), budget)
+        };
         let few = self.pace.slices(slices(coarse), budget);
         // an overlay alone needs no new picture: a coarse one would only flicker
         let seen = self.full.as_ref().is_some_and(|full| full.same_picture(want));
@@ -317,12 +325,23 @@ impl Painter {
         if want.moving {
             return Ok(());
         }
-        let between = self.pace.scale(want.size, slices(0.7), BETWEEN * factor);
+        let between = if smooth {
+            self.surfaces.scale(want.size, 1.0, BETWEEN * factor)
+        } else {
+            self.pace.scale(want.size, slices(0.7), BETWEEN * factor)
+        };
         if !seen && between > 1.3 * coarse && between < 0.8 && !stale() {
             self.picture(generation, asked, want, &object, between, slices(between), false, &stale)?;
         }
         if !seen && coarse < 1.0 {
             self.picture(generation, asked, want, &object, 1.0, slices(1.0), false, &stale)?;
+        }
+        if want.mode == Mode::Spline
+            && !stale()
+            && let Some(renderer) = &mut self.renderer
+        {
+            // for the next stroke
+            renderer.make_surface_ready(&object)?;
         }
         if want.heat && !stale() {
             let camera = object.camera(&want.document.camera);
@@ -404,7 +423,9 @@ impl Painter {
         };
         self.surface = want.document.surface.clone();
         let Some((main, report)) = self.draw(object, &camera, &look, &options, !last, stop)? else { return Ok(()) };
-        if !matches!(want.mode, Mode::Tets | Mode::Spline) || !last {
+        if report.slices == 0 {
+            self.surfaces.learn(&report, options.size, !last);
+        } else if want.mode != Mode::Tets || !last {
             self.pace.learn(&report, options.size, !last);
         }
         let other = match want.other {
@@ -441,7 +462,8 @@ impl Painter {
         Ok(())
     }
 
-    /// One picture. Tetrahedra and splines are too slow for the hand: while something moves, slices stand for them.
+    /// One picture. Tetrahedra are too slow for the hand, and so is making a spline: while something moves, slices stand for
+    /// them.
     fn draw(
         &mut self,
         object: &Arc<Object>,
@@ -454,7 +476,7 @@ impl Painter {
         let mut object = object.clone();
         let mut mode = options.mode;
         let mut look = *look;
-        if mode == Mode::Spline && coarse {
+        if mode == Mode::Spline && coarse && !self.renderer.as_ref().is_some_and(|r| r.surface_is_ready(&object)) {
             mode = Mode::Slicing;
             if !matches!(look.shading, Shading::Iso { .. }) {
                 look.shading = LookSpec { shading: ShadingSpec::Iso { value: None }, ..LookSpec::default() }

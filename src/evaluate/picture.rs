@@ -151,6 +151,20 @@ impl Renderer {
         self.smooth.look = look;
     }
 
+    /// Whether a draft of [`Mode::Spline`] costs no more than its rays: they find the surface of the undeformed volume through
+    /// strokes, and its spline is there.
+    pub fn surface_is_ready(&self, object: &Object) -> bool {
+        self.smooth.is_ready(object, None)
+    }
+
+    /// Makes sure of that.
+    ///
+    /// # Errors
+    /// If the object cannot be deformed.
+    pub fn make_surface_ready(&mut self, object: &Object) -> Result<(), EvaluateError> {
+        self.smooth.make_ready(object, None)
+    }
+
     /// What draws.
     pub fn device(&self) -> String {
         match &self.gpu {

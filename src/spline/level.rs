@@ -3,6 +3,8 @@
 //! Each coefficient of a cube is a weighted mean of the 27 samples around it, so a cube whose 27 are all on one side is left
 //! out without looking at its coefficients. The signs of a row are bits of words, and 64 cubes are judged at a time.
 
+use std::sync::Arc;
+
 use super::Spline;
 use crate::math::parallel;
 
@@ -13,6 +15,12 @@ pub(super) const BLOCK: usize = 8;
 #[derive(Debug, Clone)]
 pub struct Level<'a> {
     pub(super) spline: &'a Spline,
+    pub(super) classes: Arc<Classes>,
+}
+
+/// What a classification found. It can be kept and [used again](Level::of) as long as the spline is the same.
+#[derive(Debug)]
+pub struct Classes {
     pub(super) iso: f64,
     words: usize,
     /// A bit for each cube that may hold the surface; rows of `words`.
@@ -49,9 +57,9 @@ pub(super) fn limit(v: f64) -> f32 {
     if f64::from(near) < v { near.next_up() } else { near }
 }
 
-impl<'a> Level<'a> {
+impl Classes {
     /// Looks at every sample once.
-    pub fn new(spline: &'a Spline, iso: f64) -> Self {
+    pub fn new(spline: &Spline, iso: f64) -> Self {
         let c = &spline.coefficients;
         let [nx, ny, nz] = c.dims;
         let [_, width, layer] = c.strides();
@@ -99,7 +107,24 @@ impl<'a> Level<'a> {
             }
             plane
         });
-        Self { spline, iso, words, cubes, blocks, active: active.concat() }
+        Self { iso, words, cubes, blocks, active: active.concat() }
+    }
+
+    pub fn iso(&self) -> f64 {
+        self.iso
+    }
+}
+
+impl<'a> Level<'a> {
+    /// Classifies an isovalue.
+    pub fn new(spline: &'a Spline, iso: f64) -> Self {
+        Self::of(spline, Arc::new(Classes::new(spline, iso)))
+    }
+
+    /// With what was found before, for the same spline.
+    pub fn of(spline: &'a Spline, classes: Arc<Classes>) -> Self {
+        debug_assert_eq!(classes.blocks, spline.dims().map(|n| n.div_ceil(BLOCK)));
+        Self { spline, classes }
     }
 
     pub fn spline(&self) -> &'a Spline {
@@ -107,22 +132,24 @@ impl<'a> Level<'a> {
     }
 
     pub fn iso(&self) -> f64 {
-        self.iso
+        self.classes.iso
     }
 
     /// Whether the surface may pass through a cube.
     #[inline(always)]
     pub fn is_active(&self, [i, j, k]: [usize; 3]) -> bool {
-        self.cubes[(k * self.spline.coefficients.dims[1] + j) * self.words + i / 64] >> (i % 64) & 1 == 1
+        let Classes { words, cubes, .. } = &*self.classes;
+        cubes[(k * self.spline.coefficients.dims[1] + j) * words + i / 64] >> (i % 64) & 1 == 1
     }
 
     #[inline(always)]
     pub(super) fn block_is_active(&self, [i, j, k]: [usize; 3]) -> bool {
-        self.active[(k * self.blocks[1] + j) * self.blocks[0] + i]
+        let Classes { blocks, active, .. } = &*self.classes;
+        active[(k * blocks[1] + j) * blocks[0] + i]
     }
 
     /// Number of cubes that the surface may pass through.
     pub fn active_cubes(&self) -> usize {
-        self.cubes.iter().map(|w| w.count_ones() as usize).sum()
+        self.classes.cubes.iter().map(|w| w.count_ones() as usize).sum()
     }
 }

@@ -42,7 +42,7 @@ use crate::volume::{Samples, Scalar, Volume};
 use crate::with_samples;
 use correct::{Padded, Rows};
 
-pub use level::Level;
+pub use level::{Classes, Level};
 pub use piece::{DOMAIN, Kind, Piece, VERTICES, barycentric};
 pub use ray::{Crossing, Ray};
 pub use through::{Through, ThroughLevel, VoxelMap};

@@ -63,7 +63,7 @@ impl Level<'_> {
         let mut walk = Walk::new(self, ray);
         let size = BLOCK as f64;
         let block = Span::of(ray, size);
-        let mut at = block.cell(ray.at(start), [0; 3], self.blocks);
+        let mut at = block.cell(ray.at(start), [0; 3], self.classes.blocks);
         let mut t = start;
         loop {
             let (exit, axis) = block.exit(at);
@@ -73,13 +73,13 @@ impl Level<'_> {
                     return;
                 }
             } else if walk.above.is_none() {
-                let inside = self.spline.value(ray.at(t)) >= self.iso;
+                let inside = self.spline.value(ray.at(t)) >= self.iso();
                 if !walk.begin(inside, t, &mut found) {
                     return;
                 }
             }
             t = to;
-            if exit >= end || !block.advance(&mut at, axis, [0; 3], self.blocks) {
+            if exit >= end || !block.advance(&mut at, axis, [0; 3], self.classes.blocks) {
                 break;
             }
         }
@@ -247,7 +247,7 @@ impl<'a> Walk<'a> {
             let kind = Kind::of(local.at(0.5 * (t + to)));
             let piece = self.spline.piece(cube, kind);
             let [lo, hi] = piece.hull();
-            let iso = self.level.iso;
+            let iso = self.level.iso();
             let scale = 8.0 * f64::EPSILON * (lo.abs() + hi.abs() + iso.abs());
             if self.above.is_none() || (lo - scale <= iso && hi + scale >= iso) {
                 let (p, q) = (kind.local(local.at(t)), kind.local(local.at(to)));

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::level::BLOCK;
+use super::level::{BLOCK, Classes};
 use super::ray::{Span, Walk, clip_to};
 use super::{Crossing, Level, Ray, Spline};
 use crate::math::parallel;
@@ -97,7 +97,12 @@ impl Through {
 
 impl<'a> ThroughLevel<'a> {
     pub fn new(through: &'a Through, iso: f64) -> Self {
-        let level = Level::new(&through.spline, iso);
+        Self::of(through, Arc::new(Classes::new(&through.spline, iso)))
+    }
+
+    /// With what was found before, for the same spline: whatever the map is.
+    pub fn of(through: &'a Through, classes: Arc<Classes>) -> Self {
+        let level = Level::of(&through.spline, classes);
         let [nx, ny, _] = through.blocks;
         let blocks = parallel::map(through.blocks[2], &|k| {
             let block = |n: usize| {
@@ -111,7 +116,7 @@ impl<'a> ThroughLevel<'a> {
     }
 
     pub fn iso(&self) -> f64 {
-        self.level.iso
+        self.level.iso()
     }
 
     /// Calls `found` for each place where a ray meets the surface, in order, until it breaks. As [`Level::crossings`]; the
@@ -169,10 +174,10 @@ impl<'a> ThroughLevel<'a> {
         let dims = spline.dims();
         let cube: [usize; 3] = std::array::from_fn(|a| ((q[a] + 0.5) as usize).min(dims[a] - 1));
         if self.level.is_active(cube) {
-            spline.value(q) >= self.level.iso
+            spline.value(q) >= self.level.iso()
         } else {
             // all of the cube is on one side
-            f64::from(spline.sample(cube)) >= self.level.iso
+            f64::from(spline.sample(cube)) >= self.level.iso()
         }
     }
 
@@ -225,10 +230,10 @@ impl<'a> ThroughLevel<'a> {
     fn narrow(&self, ray: &Ray, [mut lo, mut hi]: [f64; 2], images: [DVec3; 2], there: bool) -> (f64, Crossing) {
         let spline = self.level.spline;
         let through = self.through;
-        let value = |t: f64| spline.value(through.backward(ray.at(t))) - self.level.iso;
+        let value = |t: f64| spline.value(through.backward(ray.at(t))) - self.level.iso();
         let inner = images.map(|q| through.is_inside(q)) == [true; 2];
         let crossing = if there { Crossing::In } else { Crossing::Out };
-        let (mut a, mut b) = (spline.value(images[0]) - self.level.iso, spline.value(images[1]) - self.level.iso);
+        let (mut a, mut b) = (spline.value(images[0]) - self.level.iso(), spline.value(images[1]) - self.level.iso());
         if !inner || (a >= 0.0) == (b >= 0.0) {
             // the border, or a side that was known from one sample: by halves
             for _ in 0..40 {
@@ -269,7 +274,7 @@ impl<'a> ThroughLevel<'a> {
 fn classify(level: &Level<'_>, own: [isize; 3], images: Option<[DVec3; 2]>) -> Block {
     let dims = level.spline.dims();
     let Some([lower, upper]) = images else {
-        if (0..3).any(|a| own[a] < 0 || own[a] as usize >= level.blocks[a]) {
+        if (0..3).any(|a| own[a] < 0 || own[a] as usize >= level.classes.blocks[a]) {
             return Block::Outside;
         }
         let own = own.map(|v| v as usize);
@@ -287,7 +292,7 @@ fn classify(level: &Level<'_>, own: [isize; 3], images: Option<[DVec3; 2]>) -> B
     if !(0..3).all(|a| lower[a] >= -0.5 && upper[a] <= ends[a]) {
         return Block::Moved;
     }
-    let cell = |v: f64, a: usize| (((v + 0.5) / BLOCK as f64) as usize).min(level.blocks[a] - 1);
+    let cell = |v: f64, a: usize| (((v + 0.5) / BLOCK as f64) as usize).min(level.classes.blocks[a] - 1);
     let range: [_; 3] = std::array::from_fn(|a| cell(lower[a], a)..=cell(upper[a], a));
     for k in range[2].clone() {
         for j in range[1].clone() {

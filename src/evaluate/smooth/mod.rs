@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::EvaluateError;
 use super::load::Object;
-use super::picture::{PictureReport, ViewOptions};
+use super::picture::{PictureReport, Refinement, ViewOptions};
 use super::surface::{sculpted, since, steps};
 use crate::deform::Stack;
 use crate::gpu::{Coefficients, Gpu, GpuError, Shade, SplinePass, SplineView};
@@ -20,7 +20,7 @@ use crate::render::{Camera, Frame, Look, Picture, Projection, Shading, SliceGeom
 use crate::scene::CutPlane;
 use crate::spline::occupancy::{Occupancy, Seen};
 use crate::spline::paint::{Colors, Paint, Shell, SmoothLook};
-use crate::spline::{Spline, Through};
+use crate::spline::{Classes, Spline, Through};
 use crate::volume::{Grid, Volume};
 use inside::Inside;
 use rays::{Data, Scene, View};
@@ -34,7 +34,16 @@ struct Smooth {
     spline: Arc<Spline>,
     /// The strokes, if the spline is that of the undeformed volume.
     through: Option<Through>,
+    /// Of the isovalues of the last picture.
+    classes: Vec<Arc<Classes>>,
     occupancy: Option<Filled>,
+}
+
+/// A spline of an undeformed volume, and what is known of it.
+#[derive(Debug, Clone)]
+struct Rest {
+    spline: Arc<Spline>,
+    classes: Vec<Arc<Classes>>,
 }
 
 /// How full space is, and for what.
@@ -45,7 +54,7 @@ struct Filled {
     clip: Vec<CutPlane>,
     /// Where rays look for it themselves.
     mesh: Option<TriMesh>,
-    occupancy: Occupancy,
+    occupancy: Arc<Occupancy>,
 }
 
 /// What a spline depends on.
@@ -74,23 +83,44 @@ impl MadeOf {
         self.same_volume(other) && (&self.stack, &self.mesh, self.direct) == (&other.stack, &other.mesh, other.direct)
     }
 
+    /// Whether the spline is that of the volume as it was before all strokes.
+    fn is_rest(&self) -> bool {
+        self.direct || (self.mesh.is_none() && self.stack.active().next().is_none())
+    }
+
     fn same_volume(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.volume, &other.volume) && self.steps == other.steps
     }
 }
 
 impl Smooth {
-    /// `rest`: the spline of the undeformed volume, if it is there.
-    fn new(object: &Object, made_of: MadeOf, rest: Option<Arc<Spline>>) -> Result<Self, EvaluateError> {
+    /// `rest`: of the undeformed volume, if it is there.
+    fn new(object: &Object, made_of: MadeOf, rest: Option<Rest>) -> Result<Self, EvaluateError> {
         let channel = object.volume.channels - 1;
         if made_of.direct {
-            let spline = rest.unwrap_or_else(|| Arc::new(Spline::of_volume(&object.volume, channel, made_of.steps)));
+            let fresh = || Arc::new(Spline::of_volume(&object.volume, channel, made_of.steps));
+            let Rest { spline, classes } = rest.unwrap_or_else(|| Rest { spline: fresh(), classes: Vec::new() });
             let (through, grid) = moved::through(object, Arc::clone(&spline))?;
-            return Ok(Self { grid, spline, through: Some(through), made_of, occupancy: None });
+            return Ok(Self { grid, spline, through: Some(through), classes, made_of, occupancy: None });
         }
         let volume = sculpted(object)?;
         let spline = Arc::new(Spline::of_volume(&volume, channel, made_of.steps));
-        Ok(Self { grid: volume.grid, spline, through: None, made_of, occupancy: None })
+        Ok(Self { grid: volume.grid, spline, through: None, classes: Vec::new(), made_of, occupancy: None })
+    }
+
+    /// The spline of the undeformed volume, if it is this one.
+    fn rest(&self, made_of: &MadeOf) -> Option<Rest> {
+        let own = self.made_of.is_rest() && self.made_of.same_volume(made_of);
+        own.then(|| Rest { spline: self.spline.clone(), classes: self.classes.clone() })
+    }
+
+    /// Classifications for some surfaces; those of the last picture are used again.
+    fn classified(&mut self, shells: &[Shell]) -> Vec<Arc<Classes>> {
+        let known = |iso: f64| self.classes.iter().find(|c| c.iso() == iso).cloned();
+        let classes =
+            shells.iter().map(|s| known(s.iso).unwrap_or_else(|| Arc::new(Classes::new(&self.spline, s.iso))));
+        self.classes = classes.collect();
+        self.classes.clone()
     }
 
     /// Finds how full space is, for some surfaces; says whether it was not known.
@@ -109,15 +139,21 @@ impl Smooth {
             }
             Some(_) => moved::occupancy(object, &self.spline, &self.grid, &key),
         };
-        self.occupancy = Some(Filled { shells: key, clip: object.clip.clone(), mesh, occupancy });
+        self.occupancy = Some(Filled { shells: key, clip: object.clip.clone(), mesh, occupancy: Arc::new(occupancy) });
         true
     }
+}
+
+fn deformed(object: &Object) -> bool {
+    object.stack.active().next().is_some() || object.shaped
 }
 
 /// What pictures leave behind for the next one.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
     smooth: Option<Smooth>,
+    /// Stands for it in drafts while strokes change: resampling would take too long.
+    passing: Option<Smooth>,
     pass: Option<SplinePass>,
     /// Whether the pass has the spline.
     uploaded: bool,
@@ -127,18 +163,55 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Makes the spline, unless the one that was kept is still right.
-    fn renew(&mut self, object: &Object, corrections: Option<u32>) -> Result<(), EvaluateError> {
-        let deformed = object.stack.active().next().is_some() || object.shaped;
-        let made_of = MadeOf::new(object, corrections, self.look.direct && deformed);
-        if self.smooth.as_ref().is_none_or(|kept| !kept.made_of.same(&made_of)) {
-            let old = self.smooth.take();
-            (self.uploaded, self.shaded) = (false, false);
-            // a stroke does not change what lies under it
-            let rest = old.filter(|s| s.through.is_some() && s.made_of.same_volume(&made_of)).map(|s| s.spline);
-            self.smooth = Some(Smooth::new(object, made_of, rest)?);
+    fn made_of(&self, object: &Object, corrections: Option<u32>) -> MadeOf {
+        MadeOf::new(object, corrections, self.look.direct && deformed(object))
+    }
+
+    /// The spline of the undeformed volume, wherever it is.
+    fn rest(&self, made_of: &MadeOf) -> Option<Rest> {
+        [&self.passing, &self.smooth].into_iter().flatten().find_map(|kept| kept.rest(made_of))
+    }
+
+    /// Whether a draft is there without making a spline.
+    pub fn is_ready(&self, object: &Object, corrections: Option<u32>) -> bool {
+        let made_of = self.made_of(object, corrections);
+        self.smooth.as_ref().is_some_and(|kept| kept.made_of.same(&made_of)) || self.rest(&made_of).is_some()
+    }
+
+    /// Makes sure of that.
+    ///
+    /// # Errors
+    /// If the object cannot be resampled.
+    pub fn make_ready(&mut self, object: &Object, corrections: Option<u32>) -> Result<(), EvaluateError> {
+        let made_of = MadeOf { direct: true, ..self.made_of(object, corrections) };
+        if self.rest(&made_of).is_none() {
+            self.passing = Some(Smooth::new(object, made_of, None)?);
         }
         Ok(())
+    }
+
+    /// Makes the spline, unless the one that was kept is still right. A draft may be content with what stands for it; returns
+    /// whether it is.
+    fn renew(&mut self, object: &Object, corrections: Option<u32>, draft: bool) -> Result<bool, EvaluateError> {
+        let made_of = self.made_of(object, corrections);
+        if self.smooth.as_ref().is_some_and(|kept| kept.made_of.same(&made_of)) {
+            return Ok(false);
+        }
+        // a stroke does not change what lies under it
+        let rest = self.rest(&made_of);
+        if draft && deformed(object) {
+            let made_of = MadeOf { mesh: None, direct: true, ..made_of };
+            if self.passing.as_ref().is_none_or(|kept| !kept.made_of.same(&made_of)) {
+                self.passing = None;
+                self.passing = Some(Smooth::new(object, made_of, rest)?);
+            }
+            return Ok(true);
+        }
+        self.smooth = None;
+        self.passing.take_if(|kept| !kept.made_of.same_volume(&made_of));
+        (self.uploaded, self.shaded) = (false, false);
+        self.smooth = Some(Smooth::new(object, made_of, rest)?);
+        Ok(false)
     }
 }
 
@@ -166,10 +239,12 @@ pub(super) fn picture(
         },
     };
     let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
-    kept.renew(object, options.corrections)?;
-    let Kept { smooth: Some(smooth), pass, uploaded, shaded, look: smooth_look } = kept else {
-        return Err(EvaluateError::View);
-    };
+    let stand_in = kept.renew(object, options.corrections, options.refinement == Refinement::Draft)?;
+    let Kept { smooth, passing, pass, uploaded, shaded, look: smooth_look } = kept;
+    // the light of the last picture at rest does for one that passes
+    let before = smooth.as_ref().filter(|_| stand_in).and_then(|kept| kept.occupancy.as_ref());
+    let before = before.map(|filled| filled.occupancy.clone());
+    let Some(smooth) = (if stand_in { passing } else { smooth }) else { return Err(EvaluateError::View) };
     let (frame, mut view) = frame_and_view(object, &smooth.grid, camera, &look, options.size)?;
     view.paint = paint(smooth_look, object, &smooth.grid);
     if stop() {
@@ -190,13 +265,15 @@ pub(super) fn picture(
     let [r, g, b, _] = frame.iso_color;
     let shells = smooth_look.all((iso, [r, g, b]));
     view.shade = Shade { ambient: smooth_look.occlusion, light: smooth_look.shadows };
-    if smooth_look.occlusion || smooth_look.shadows {
+    if (smooth_look.occlusion || smooth_look.shadows) && !stand_in {
         let fresh = smooth.occupancy(object, &shells);
         *shaded &= !fresh;
     }
     let mut drawn = None;
     if let Some(gpu) = gpu {
-        if smooth.through.is_some() {
+        if stand_in {
+            // what lasts a moment needs no explanation
+        } else if smooth.through.is_some() {
             report.warnings.push("the surface was drawn on the CPU, which alone sees it through strokes".into());
         } else {
             match on_gpu(gpu, (pass, uploaded, shaded), smooth, &mut report, |pass| {
@@ -210,7 +287,9 @@ pub(super) fn picture(
     let picture = match drawn {
         Some(picture) => picture,
         None => {
-            let occupancy = smooth.occupancy.as_ref().map(|kept| &kept.occupancy);
+            let classes = smooth.classified(&shells);
+            let occupancy = before.as_ref().or(smooth.occupancy.as_ref().map(|kept| &kept.occupancy));
+            let occupancy = occupancy.map(|kept| &**kept);
             let inside = (smooth.through.is_some() && object.shaped)
                 .then(|| Inside::new(&object.mesh, &view.clip_from_world, options.size));
             let looked = View {
@@ -232,7 +311,7 @@ pub(super) fn picture(
                 Some(through) => Data::Moved(through, &map),
                 None => Data::Still(&smooth.spline),
             };
-            let scene = Scene::new(&data, &shells, &frame, &looked, view.clip_from_world.inverse());
+            let scene = Scene::new(&data, &shells, classes, &frame, &looked, view.clip_from_world.inverse());
             report.ms_geometry = since(started);
             let (picture, hits) = scene.picture(stop);
             report.fragments = Some(hits);

@@ -1,6 +1,7 @@
 //! A picture of smooth surfaces by rays, on the CPU.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
@@ -10,7 +11,7 @@ use crate::render::{Frame, Picture, Stop};
 use crate::scene::CutPlane;
 use crate::spline::occupancy::Occupancy;
 use crate::spline::paint::{Paint, Shell, tinted};
-use crate::spline::{Crossing, Level, Ray, Spline, Through, ThroughLevel};
+use crate::spline::{Classes, Crossing, Level, Ray, Spline, Through, ThroughLevel};
 use crate::volume::transfer::{linear_from_srgb, srgb_from_linear};
 
 /// Rows of a picture that are worked off together.
@@ -63,10 +64,10 @@ impl Data<'_> {
         }
     }
 
-    fn surface(&self, iso: f64) -> Surface<'_> {
+    fn surface(&self, classes: Arc<Classes>) -> Surface<'_> {
         match self {
-            Self::Still(spline) => Surface::Still(Level::new(spline, iso)),
-            Self::Moved(through, _) => Surface::Moved(ThroughLevel::new(through, iso)),
+            Self::Still(spline) => Surface::Still(Level::of(spline, classes)),
+            Self::Moved(through, _) => Surface::Moved(ThroughLevel::of(through, classes)),
         }
     }
 
@@ -146,14 +147,16 @@ struct Cut {
 }
 
 impl<'a> Scene<'a> {
+    /// `classes`: of each shell's isovalue.
     pub fn new(
         data: &'a Data<'a>,
         shells: &[Shell],
+        classes: Vec<Arc<Classes>>,
         frame: &'a Frame,
         view: &'a View<'a>,
         world_from_clip: DMat4,
     ) -> Self {
-        let surfaces = shells.iter().map(|s| (*s, data.surface(s.iso))).collect();
+        let surfaces = shells.iter().copied().zip(classes.into_iter().map(|c| data.surface(c))).collect();
         Self { data, surfaces, frame, view, world_from_clip }
     }
 
