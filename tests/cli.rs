@@ -371,7 +371,7 @@ fn splines_are_measured_and_drawn_by_the_gpu() {
     let volume = &made["volumes"][0];
     has_keys(&volume["ms"], &["spline", "mesh"]);
     let ways = volume["ways"].as_array().unwrap();
-    assert_eq!(ways.len(), 5);
+    assert_eq!(ways.len(), 6);
     for way in ways {
         has_keys(way, &["way", "backend", "ms"]);
         assert!(way["ms"]["frame"].as_f64().unwrap() > 0.0 && way["ms"]["change"].as_f64().unwrap() > 0.0);
