@@ -1,17 +1,24 @@
 // Cubics in Bernstein-Bezier form on the tetrahedra of a cube, as `spline::Piece` has them. Whoever includes this says what
 // `Near` is, and what `near(at, x, y, z)` holds so many samples along the local axes away: the sample less the isovalue.
 
-// unit vectors along the three local axes of a kind; kinds are numbered as `spline::Kind::all` lists them
-fn kind_axes(kind: u32) -> mat3x3f {
+// vectors that are stored of a cube
+const RECORD: u32 = 14u;
+
+// the axes of the cube that the local ones of a kind run along; kinds are numbered as `spline::Kind::all` lists them
+fn local_axes(kind: u32) -> vec3u {
     let first = kind / 8u;
     // of the two others, the lower one second in even orders
     let low = select(0u, 1u, first == 0u);
     let high = select(2u, 1u, first == 2u);
     let odd = (kind / 4u) % 2u == 1u;
-    let second = select(low, high, odd);
-    let third = select(high, low, odd);
+    return vec3u(first, select(low, high, odd), select(high, low, odd));
+}
+
+// unit vectors along the three local axes of a kind
+fn kind_axes(kind: u32) -> mat3x3f {
+    let axes = local_axes(kind);
     let back = vec2f(select(1.0, -1.0, (kind & 1u) != 0u), select(1.0, -1.0, (kind & 2u) != 0u));
-    return mat3x3f(unit(first) * back.x, unit(second) * back.y, unit(third));
+    return mat3x3f(unit(axes.x) * back.x, unit(axes.y) * back.y, unit(axes.z));
 }
 
 fn unit(axis: u32) -> vec3f {

@@ -8,7 +8,7 @@ struct Level {
     blocks: vec4u,
     // the isovalue, upper and lower bits
     iso: vec4f,
-    // blocks and tetrahedra that there is room for; workgroups along x
+    // blocks and tetrahedra that there is room for; workgroups along x; cubes that there is room for
     room: vec4u,
 }
 
@@ -29,9 +29,10 @@ struct Head {
     over_chunks: array<u32, 3>,
     // numbers to scan
     numbers: u32,
-    // blocks and tetrahedra that there should be room for
+    // blocks, tetrahedra, and cubes with such, that there should be room for
     wanted_blocks: u32,
     wanted_tets: u32,
+    wanted_cubes: u32,
     // of each kind, where its tetrahedra begin, and how many there are
     first: array<u32, 24>,
     count: array<u32, 24>,
@@ -48,11 +49,13 @@ struct Head {
 @group(0) @binding(4) var<storage, read_write> list: array<u32>;
 // for each cube of an active block, a bit for each kind
 @group(0) @binding(5) var<storage, read_write> masks: array<u32>;
-// by kind, then block: tetrahedra; after the scan, how many before
+// by kind, then block: tetrahedra, and last, cubes with such; after the scan, how many before
 @group(0) @binding(6) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(7) var<storage, read_write> head: Head;
 
 const KINDS: u32 = 24u;
+// of counts
+const ROWS: u32 = 25u;
 const SIDE: u32 = 6u;
 // tetrahedra in an instance
 const BATCH: u32 = 64u;
@@ -90,8 +93,8 @@ fn list_main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id
         let wide = min(n, level.room.z);
         head.over_blocks = array<u32, 3>(wide, select(0u, (n + wide - 1u) / max(wide, 1u), n > 0u), 1u);
         head.blocks = n;
-        head.numbers = KINDS * n;
-        head.over_chunks = array<u32, 3>((KINDS * n + SCAN_CHUNK - 1u) / SCAN_CHUNK, 1u, 1u);
+        head.numbers = ROWS * n;
+        head.over_chunks = array<u32, 3>((ROWS * n + SCAN_CHUNK - 1u) / SCAN_CHUNK, 1u, 1u);
         head.wanted_blocks = wanted;
     }
 }
@@ -178,10 +181,11 @@ fn tets_main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id
 
     if here {
         masks[slot * 64u + thread] = atomicLoad(&cube_masks[thread]);
-        if thread < KINDS {
+        if thread < ROWS {
             var count = 0u;
             for (var i = 0u; i < 64u; i++) {
-                count += (atomicLoad(&cube_masks[i]) >> thread) & 1u;
+                let mask = atomicLoad(&cube_masks[i]);
+                count += select((mask >> thread) & 1u, u32(mask != 0u), thread == KINDS);
             }
             counts[thread * head.blocks + slot] = count;
         }
@@ -198,17 +202,20 @@ fn draws_main(@builtin(local_invocation_index) kind: u32) {
     var first = 0u;
     var next = 0u;
     var all = 0u;
+    var all_cubes = 0u;
     if n > 0u {
         first = counts[kind * n];
         next = counts[(kind + 1u) * n];
         all = counts[KINDS * n];
+        all_cubes = counts[ROWS * n] - all;
     }
     // what there is no room for is not drawn: the host sees that it is missing, and does it again
-    let count = select(0u, next - first, all <= level.room.y);
+    let count = select(0u, next - first, all <= level.room.y && all_cubes <= level.room.w);
     head.first[kind] = first;
     head.count[kind] = count;
     head.draws[kind] = Draw(12u * BATCH, (count + BATCH - 1u) / BATCH, 0u, 4u * BATCH * kind, 0u);
     if kind == 0u {
         head.wanted_tets = all;
+        head.wanted_cubes = all_cubes;
     }
 }

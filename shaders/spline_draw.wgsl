@@ -1,9 +1,9 @@
 // The surface in a tetrahedron: its back faces are drawn, so that the eye may be within, and each fragment looks for the first
 // place where the ray comes above the isovalue.
 
-// number of the cube
+// number of the cube; or its place in the store, and from the end of the list, by place, the number
 @group(1) @binding(2) var<storage, read> tets: array<u32>;
-@group(1) @binding(3) var<storage, read> store: array<Piece>;
+@group(1) @binding(3) var<storage, read> store: array<vec4f>;
 struct Lists {
     first: array<u32, 24>,
     count: array<u32, 24>,
@@ -64,12 +64,18 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) batc
         return out;
     }
     let at = lists.first[kind] + own;
-    let number = tets[at];
+    var number = tets[at];
+    let place = number;
+    if DETERMINING {
+        number = tets[arrayLength(&tets) - 1u - place];
+    }
     let cube = vec3u(number % view.dims.x, (number / view.dims.x) % view.dims.y, number / (view.dims.x * view.dims.y));
     let axes = kind_axes(kind);
     var p: Piece;
     if STORED {
-        p = store[at];
+        p = Piece(store[5u * at], store[5u * at + 1u], store[5u * at + 2u], store[5u * at + 3u], store[5u * at + 4u]);
+    } else if DETERMINING {
+        p = determined(place, kind);
     } else {
         p = piece(near_texels(cube, axes));
     }

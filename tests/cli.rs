@@ -352,6 +352,10 @@ fn surface_writes_each_format_and_render_its_picture() {
     json(&dir, &[&["render", "p.voxclay", "--mode", "spline", "--iso", "0.5"][..], &tinted].concat());
     assert_ne!(std::fs::read(dir.path().join("t.png")).unwrap(), std::fs::read(dir.path().join("p.png")).unwrap());
     fails(&dir, &[&["render", "p.voxclay"][..], &tinted].concat(), &["--curvature", "--mode spline"]);
+    let chosen = ["--coefficients", "fly", "--backend", "cpu", "--size", "64x48", "-o", "n.png"];
+    fails(&dir, &[&["render", "p.voxclay"][..], &chosen].concat(), &["--coefficients", "--mode spline"]);
+    let chosen = [&["render", "p.voxclay", "--mode", "spline"][..], &chosen].concat();
+    fails(&dir, &chosen, &["--coefficients", "--backend gpu"]);
     fails(&dir, &["surface", "phantom:gaussian:24", "--iso", "9", "-o", "n.ply"], &["no surface at 9", "0"]);
     fails(&dir, &["surface", "phantom:gaussian:24", "-o", "n.nrrd"], &["n.nrrd", ".glb"]);
     fails(&dir, &["surface", "phantom:gaussian:24", "--refine", "0", "-o", "n.ply"], &["--refine"]);
@@ -371,13 +375,25 @@ fn splines_are_measured_and_drawn_by_the_gpu() {
     let volume = &made["volumes"][0];
     has_keys(&volume["ms"], &["spline", "mesh"]);
     let ways = volume["ways"].as_array().unwrap();
-    assert_eq!(ways.len(), 5);
+    assert_eq!(ways.len(), 6);
     for way in ways {
         has_keys(way, &["way", "backend", "ms"]);
         assert!(way["ms"]["frame"].as_f64().unwrap() > 0.0 && way["ms"]["change"].as_f64().unwrap() > 0.0);
         let tets = way["way"].as_str().unwrap().starts_with("spline,");
         assert_eq!(way["tets"].as_u64().is_some_and(|n| n > 1000), tets);
         assert_eq!(way["tets_per_second"].is_number() && way["bytes"].is_number(), tets);
+        let stored = match way["way"].as_str().unwrap() {
+            "spline, stored" => Some(80 * way["tets"].as_u64().unwrap()),
+            "spline, determining" => Some(224 * way["cubes"].as_u64().unwrap()),
+            _ => tets.then_some(0),
+        };
+        assert_eq!(way["coefficient_bytes"].as_u64(), stored);
+    }
+    for chosen in ["stored", "determining", "fly"] {
+        let options = ["--coefficients", chosen];
+        let drawn = json(&dir, &[&["render", "phantom:gaussian:24"][..], &view, &options].concat());
+        assert_eq!(drawn["spline"]["coefficients"], chosen);
+        assert!(drawn["spline"]["list_bytes"].as_u64() > drawn["spline"]["coefficient_bytes"].as_u64());
     }
 }
 

@@ -3,6 +3,7 @@
 use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use voxclay::gpu::Coefficients;
 use voxclay::gpu::layout::{
     Affine4, Fixed4, MapUniform, ObjectUniform, ResampleUniform, SplineHead, SplineLevelUniform, SplineViewUniform,
     StepRecord, WarpTet, WarpUniform,
@@ -46,10 +47,10 @@ fn the_other_passes_are_valid() {
     validate("spline classify", &shader::spline_classify());
     validate("spline cap", &shader::spline_cap());
     validate("spline layer", &shader::spline_layer());
-    for stored in [false, true] {
-        validate("spline emit", &shader::spline_emit(stored));
-        validate("spline draw", &shader::spline_draw(stored, false));
-        let early = parsed("spline draw, early", &shader::spline_draw(stored, true));
+    for coefficients in Coefficients::ALL {
+        validate("spline emit", &shader::spline_emit(coefficients));
+        validate("spline draw", &shader::spline_draw(coefficients, false));
+        let early = parsed("spline draw, early", &shader::spline_draw(coefficients, true));
         if let Err(e) = Validator::new(ValidationFlags::all(), Capabilities::EARLY_DEPTH_TEST).validate(&early) {
             panic!("spline draw, early: {e:?}");
         }
@@ -92,12 +93,13 @@ fn shared_structs_lie_as_in_rust() {
         same_layout!(source, "Tet", WarpTet: bary, rest, inner, lo, weight, size, base);
         same_layout!(source, "Warp", WarpUniform: brick, chunk, input, first, end, range, outside);
     }
-    for source in [shader::spline_classify(), shader::spline_emit(true)] {
+    for source in [shader::spline_classify(), shader::spline_emit(Coefficients::Stored)] {
         same_layout!(source, "Level", SplineLevelUniform: dims, blocks, iso, room);
         same_layout!(source, "Head", SplineHead:
-            over_blocks, blocks, over_chunks, numbers, wanted_blocks, wanted_tets, first, count, draws);
+            over_blocks, blocks, over_chunks, numbers, wanted_blocks, wanted_tets, wanted_cubes,
+            first, count, draws);
     }
-    for source in [shader::spline_draw(false, false), shader::spline_cap()] {
+    for source in [shader::spline_draw(Coefficients::OnTheFly, false), shader::spline_cap()] {
         same_layout!(source, "View", SplineViewUniform:
             clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
             eye_low, dims, iso, planes, normals, tint, positive, negative, window, shell,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
 use glam::{DVec3, IVec3};
-use voxclay::spline::{Crossing, DOMAIN, Kind, Level, Ray, Spline, VERTICES, barycentric};
+use voxclay::spline::{Crossing, DOMAIN, Determining, Kind, Level, Ray, Spline, VERTICES, barycentric};
 
 /// Numbers in -1..1 that are the same in every run.
 struct Numbers(u64);
@@ -242,6 +242,25 @@ fn smoothness_alone_gives_the_weights() {
         }
     }
     assert_eq!(classes.len() - system.0.len(), 1, "the weights would not be the only ones");
+}
+
+/// Kalbe et al.'s subset.
+#[test]
+fn fifty_six_coefficients_of_a_cube_determine_all() {
+    let dims = [5, 4, 6];
+    for steps in [0, 3] {
+        let spline = Spline::new(dims, &noise(dims, 31), steps);
+        for n in 0..dims.iter().product() {
+            let cube = [n % 5, n / 5 % 4, n / 20];
+            let part = Determining::new(|kind| spline.piece(cube, kind));
+            for kind in Kind::all() {
+                let pairs = part.piece(kind).0.into_iter().zip(spline.piece(cube, kind).0);
+                for (i, (ours, expected)) in pairs.enumerate() {
+                    assert!((ours - expected).abs() < 1e-14, "{cube:?} {kind:?} {i}: {ours} {expected}");
+                }
+            }
+        }
+    }
 }
 
 // ---- smoothness ----

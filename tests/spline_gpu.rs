@@ -9,7 +9,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
 use voxclay::evaluate::load::load;
 use voxclay::evaluate::picture::{Backend, Mode, Refinement, Renderer, SmoothLook, ViewOptions};
-use voxclay::gpu::{Coefficients, Gpu, GpuError, Preference, Shade, SplinePass, SplineView};
+use voxclay::gpu::{Coefficients, Gpu, GpuError, Preference, Shade, SplineLoad, SplinePass, SplineView};
 use voxclay::render::{Camera, Field, Look, Projection, Shading};
 use voxclay::scene::{CameraSpec, Document, VolumeSource};
 use voxclay::spline::paint::{Curvature, Paint, Shell};
@@ -270,7 +270,7 @@ fn hits_depths_and_normals_are_those_of_rays() {
         for shot in shots() {
             let view = shot.view();
             let rays = shot.by_rays(&view);
-            for coefficients in [Coefficients::OnTheFly, Coefficients::Stored] {
+            for coefficients in Coefficients::ALL {
                 pass.set_coefficients(coefficients);
                 pass.set_spline(gpu, &shot.spline).unwrap();
                 let ours = pass.probe(gpu, &view, shot.iso).unwrap();
@@ -291,18 +291,21 @@ fn another_isovalue_or_view_is_like_a_new_pass() {
     let turned = Shot { yaw: 100.0, ..shot };
     let view = turned.view();
     with_pass(|gpu, pass| {
-        pass.set_coefficients(Coefficients::Stored);
         pass.set_spline(gpu, &turned.spline).unwrap();
-        for iso in [0.5, 0.3, 0.6, 7.0, 0.3] {
+        for (n, iso) in [0.5, 0.3, 0.6, 7.0, 0.3, 0.5].into_iter().enumerate() {
+            let coefficients = if n < 3 { Coefficients::Stored } else { Coefficients::Determining };
+            pass.set_coefficients(coefficients);
             let kept = pass.probe(gpu, &view, iso).unwrap();
             let mut fresh = SplinePass::new(gpu).unwrap();
+            fresh.set_coefficients(coefficients);
             fresh.set_spline(gpu, &turned.spline).unwrap();
             assert!(fresh.classify(gpu, iso).unwrap() > 0.0);
             let expected = fresh.probe(gpu, &view, iso).unwrap();
             assert_eq!(kept, expected, "{iso}");
             assert_eq!(kept.iter().all(|p| *p == [0.0; 4]), iso > 1.0);
-            let counts = |p: &SplinePass| (p.load().blocks, p.load().tets);
-            assert_eq!(counts(pass), counts(&fresh));
+            // lists that have grown stay
+            let counts = |p: &SplinePass| SplineLoad { list_bytes: 0, ..p.load() };
+            assert_eq!((counts(pass), pass.coefficients()), (counts(&fresh), coefficients));
         }
     });
 }
@@ -335,20 +338,28 @@ fn the_tetrahedra_are_those_whose_hull_holds_the_isovalue() {
         for (spline, iso) in [(random([13, 9, 10]), 0.5), (balls([40, 36, 28]), -500.0), (marschner_lobb(24), 0.4)] {
             let level = Level::new(&spline, iso);
             let [nx, ny, nz] = spline.dims();
-            let (mut surely, mut perhaps) = (0, 0);
+            let (mut surely, mut perhaps) = ([0; 2], [0; 2]);
             for at in 0..nx * ny * nz {
                 let cube = [at % nx, at / nx % ny, at / nx / ny];
+                let mut of_cube = [0; 2];
                 for kind in Kind::all().filter(|_| level.is_active(cube)) {
                     let [lo, hi] = spline.piece(cube, kind).hull();
                     let slack = 1e-5 * ((lo - iso).abs() + (hi - iso).abs());
-                    surely += u32::from(lo + slack <= iso && hi - slack >= iso);
-                    perhaps += u32::from(lo - slack <= iso && hi + slack >= iso);
+                    of_cube[0] += u32::from(lo + slack <= iso && hi - slack >= iso);
+                    of_cube[1] += u32::from(lo - slack <= iso && hi + slack >= iso);
+                }
+                for (all, tets) in [(&mut surely, of_cube[0]), (&mut perhaps, of_cube[1])] {
+                    all[0] += tets;
+                    all[1] += tets.min(1);
                 }
             }
             pass.set_spline(gpu, &spline).unwrap();
             pass.classify(gpu, iso).unwrap();
-            let found = pass.load().tets;
-            assert!((surely..=perhaps).contains(&found) && surely > 1000, "{surely} {found} {perhaps}");
+            let found = [pass.load().tets, pass.load().cubes];
+            for (n, least) in [1000, 100].into_iter().enumerate() {
+                let range = surely[n]..=perhaps[n];
+                assert!(range.contains(&found[n]) && surely[n] > least, "{surely:?} {found:?} {perhaps:?}");
+            }
         }
     });
 }
@@ -361,21 +372,31 @@ fn what_there_is_no_room_for_is_found() {
     // all of its blocks are full of surface
     let shot = shot("random", random([44, 44, 44]), 0.5);
     let view = shot.view();
-    let mut wide = SplinePass::new(&gpu).unwrap();
-    wide.set_spline(&gpu, &shot.spline).unwrap();
-    let expected = wide.probe(&gpu, &view, shot.iso).unwrap();
-    let load = wide.load();
-    // 64 tetrahedra a block are expected, so there was no room at first
-    assert!(load.blocks == 1331 && load.tets > 100 * load.blocks, "{load:?}");
-    let bytes = 80 * u64::from(load.tets);
-    let mut enough = SplinePass::with_limit(&gpu, bytes + 80).unwrap();
-    enough.set_spline(&gpu, &shot.spline).unwrap();
-    assert_eq!(enough.probe(&gpu, &view, shot.iso).unwrap(), expected);
-    let mut narrow = SplinePass::with_limit(&gpu, bytes - 80).unwrap();
-    narrow.set_spline(&gpu, &shot.spline).unwrap();
-    assert!(matches!(narrow.probe(&gpu, &view, shot.iso), Err(GpuError::TooLarge { .. })));
-    narrow.set_coefficients(Coefficients::OnTheFly);
-    assert_eq!(narrow.probe(&gpu, &view, shot.iso).unwrap().len(), expected.len());
+    for coefficients in [Coefficients::Stored, Coefficients::Determining] {
+        let with_limit = |limit| {
+            let mut pass = SplinePass::with_limit(&gpu, limit).unwrap();
+            pass.set_coefficients(coefficients);
+            pass.set_spline(&gpu, &shot.spline).unwrap();
+            pass
+        };
+        let mut wide = with_limit(u64::MAX);
+        let expected = wide.probe(&gpu, &view, shot.iso).unwrap();
+        let load = wide.load();
+        // 64 tetrahedra and 8 cubes a block are expected, so there was no room at first
+        assert!(load.blocks == 1331 && load.tets > 100 * load.blocks && load.cubes > 32 * load.blocks, "{load:?}");
+        let (each, count) = match coefficients {
+            Coefficients::Determining => (224, load.cubes),
+            _ => (80, load.tets),
+        };
+        let bytes = each * u64::from(count);
+        assert_eq!(load.coefficient_bytes, bytes);
+        let mut enough = with_limit(bytes + each);
+        assert_eq!(enough.probe(&gpu, &view, shot.iso).unwrap(), expected);
+        let mut narrow = with_limit(bytes - each);
+        assert!(matches!(narrow.probe(&gpu, &view, shot.iso), Err(GpuError::TooLarge { .. })));
+        narrow.set_coefficients(Coefficients::OnTheFly);
+        assert_eq!(narrow.probe(&gpu, &view, shot.iso).unwrap().len(), expected.len());
+    }
 }
 
 #[test]
@@ -436,22 +457,28 @@ fn pictures_are_those_of_the_cpu() {
             let look = Look { shading: shade([0.8, 0.6, 0.4]), ..Look::default() };
             let mut cpu = Renderer::new(Backend::Cpu).unwrap();
             cpu.set_smooth_look(smooth_look.clone());
+            let several = !smooth_look.shells.is_empty();
             gpu.set_smooth_look(smooth_look);
             let (expected, _) = cpu.picture(&object, &camera, &look, &options).unwrap();
-            let (ours, report) = gpu.picture(&object, &camera, &look, &options).unwrap();
-            assert_eq!((report.backend, report.warnings), ("gpu", Vec::<String>::new()));
-            assert!(report.triangles > 1000, "{}", report.triangles);
+            assert!(expected.pixels.iter().any(|p| *p != expected.pixels[0]));
             // colours are rounded to 16 bits of a float on the way; filters of textures and sums of layers round more
             let step = match what {
                 "plain" | "transparent" | "mean" | "gaussian" => 1,
                 _ => 3,
             };
             let far = |a: [u8; 4], b: [u8; 4]| (0..4).any(|c| a[c].abs_diff(b[c]) > step);
-            let off = ours.pixels.iter().zip(&expected.pixels).filter(|(a, b)| far(**a, **b)).count();
             // layers that touch are told apart, or not
             let most = if transparent && what == "layers" || what == "shaded layers" { 40 } else { 3 };
-            assert!(off <= most, "{name}, {what}: {off} pixels");
-            assert!(expected.pixels.iter().any(|p| *p != expected.pixels[0]));
+            let ways: &[_] = if several { &[None, Some(Coefficients::Determining)] } else { &[None] };
+            for chosen in ways {
+                gpu.set_coefficients(*chosen);
+                let (ours, report) = gpu.picture(&object, &camera, &look, &options).unwrap();
+                assert_eq!((report.backend, report.warnings), ("gpu", Vec::<String>::new()));
+                assert!(report.triangles > 1000, "{}", report.triangles);
+                assert_eq!(report.spline.map(|s| s.0), Some(chosen.unwrap_or(Coefficients::Stored)));
+                let off = ours.pixels.iter().zip(&expected.pixels).filter(|(a, b)| far(**a, **b)).count();
+                assert!(off <= most, "{name}, {what}, {chosen:?}: {off} pixels");
+            }
         }
     }
 }

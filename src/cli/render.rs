@@ -9,6 +9,7 @@ use super::Answer;
 use super::view::ViewArgs;
 use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, SmoothLook};
 use crate::evaluate::{load, open};
+use crate::gpu::Coefficients;
 use crate::io;
 use crate::mesh::tet_map::MapReport;
 use crate::spline::paint::{Curvature, Shell};
@@ -49,6 +50,10 @@ pub struct Args {
     /// Of --mode spline: find the surface through the strokes, instead of resampling the volume first.
     #[arg(long)]
     direct: bool,
+    /// Of --mode spline on the GPU: where the coefficients of tetrahedra come from (default: stored, or what there is room
+    /// for).
+    #[arg(long, value_enum, value_name = "WAY")]
+    coefficients: Option<CoefficientsArg>,
     /// The picture.
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
@@ -66,6 +71,26 @@ enum CapsArg {
     Surface,
     /// The transfer function.
     Volume,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum CoefficientsArg {
+    /// A store of those of each tetrahedron.
+    Stored,
+    /// A smaller store of those of each cube that determine the others.
+    Determining,
+    /// The samples, for each view.
+    Fly,
+}
+
+impl From<CoefficientsArg> for Coefficients {
+    fn from(way: CoefficientsArg) -> Self {
+        match way {
+            CoefficientsArg::Stored => Self::Stored,
+            CoefficientsArg::Determining => Self::Determining,
+            CoefficientsArg::Fly => Self::OnTheFly,
+        }
+    }
 }
 
 impl Args {
@@ -123,6 +148,9 @@ pub fn run(args: &Args) -> Result<Answer> {
     let (mut document, base) = open(&args.file)?;
     let options = args.view.apply(&mut document)?;
     let smooth_look = args.smooth_look(options.mode, &document.surface)?;
+    if args.coefficients.is_some() && options.mode != Mode::Spline {
+        bail!("--coefficients goes with --mode spline only");
+    }
     let object = load::load(&document, &base)?;
     for warning in &object.warnings {
         eprintln!("voxclay: {warning}");
@@ -130,6 +158,10 @@ pub fn run(args: &Args) -> Result<Answer> {
     let look = document.look.look(object.iso);
     let camera = object.camera(&document.camera);
     let mut renderer = Renderer::new(options.backend)?;
+    if args.coefficients.is_some() && !renderer.on_gpu() {
+        bail!("--coefficients says what the GPU stores, and the CPU would draw: use --backend gpu");
+    }
+    renderer.set_coefficients(args.coefficients.map(Coefficients::from));
     renderer.set_smooth_look(smooth_look);
     let (picture, report) = renderer.picture(&object, &camera, &look, &options)?;
     for warning in &report.warnings {
@@ -158,6 +190,17 @@ pub fn run(args: &Args) -> Result<Answer> {
             t.lattice.tets, t.lattice.max_error, t.ms_lattice, t.ms_warp
         ));
     }
+    if let Some((coefficients, load)) = &report.spline {
+        text.push_str(&format!(
+            "  {} tetrahedra in {} cubes; coefficients: {}, {:.1} MB; all lists {:.1} MB, samples {:.1} MB\n",
+            load.tets,
+            load.cubes,
+            coefficients.name(),
+            load.coefficient_bytes as f64 * 1e-6,
+            load.list_bytes as f64 * 1e-6,
+            load.sample_bytes as f64 * 1e-6,
+        ));
+    }
     Ok(Answer { json: report_json(&report), text })
 }
 
@@ -180,6 +223,16 @@ pub fn report_json(report: &PictureReport) -> serde_json::Value {
         json["lattice"] = lattice_json(&t.lattice);
         json["ms"]["lattice"] = json!(t.ms_lattice);
         json["ms"]["warp"] = json!(t.ms_warp);
+    }
+    if let Some((coefficients, load)) = &report.spline {
+        json["spline"] = json!({
+            "coefficients": coefficients.name(),
+            "tets": load.tets,
+            "cubes": load.cubes,
+            "coefficient_bytes": load.coefficient_bytes,
+            "list_bytes": load.list_bytes,
+            "sample_bytes": load.sample_bytes,
+        });
     }
     json
 }

@@ -8,7 +8,7 @@ use super::EvaluateError;
 use super::geometry::{self, GeometryOptions};
 use super::load::Object;
 use super::{smooth, tets};
-use crate::gpu::{self, Gpu, Preference};
+use crate::gpu::{self, Coefficients, Gpu, Preference, SplineLoad};
 use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
 
@@ -70,6 +70,8 @@ pub struct PictureReport {
     pub warnings: Vec<String>,
     /// Of [`Mode::Tets`].
     pub tets: Option<TetsReport>,
+    /// Of [`Mode::Spline`] on the GPU.
+    pub spline: Option<(Coefficients, SplineLoad)>,
     pub ms_geometry: f64,
     pub ms_draw: f64,
     pub ms_total: f64,
@@ -165,6 +167,16 @@ impl Renderer {
         self.smooth.make_ready(object, None)
     }
 
+    /// Where the coefficients of [`Mode::Spline`] come from on the GPU; `None`: as suits the surface.
+    pub fn set_coefficients(&mut self, coefficients: Option<Coefficients>) {
+        self.smooth.set_coefficients(coefficients);
+    }
+
+    /// Whether the GPU draws.
+    pub fn on_gpu(&self) -> bool {
+        self.gpu.is_some()
+    }
+
     /// What draws.
     pub fn device(&self) -> String {
         match &self.gpu {
@@ -240,6 +252,7 @@ impl Renderer {
             triangles: geometry.indices.len() / 3,
             fragments,
             tets: None,
+            spline: None,
             warnings,
             backend: if self.gpu.is_some() { "gpu" } else { "cpu" },
             device: self.device(),

@@ -126,7 +126,7 @@ pub struct SplineLevelUniform {
     pub blocks: [u32; 4],
     /// The isovalue, upper and lower bits; the rest is unused.
     pub iso: [f32; 4],
-    /// Blocks and tetrahedra that there is room for; workgroups along x; the rest is unused.
+    /// Blocks and tetrahedra that there is room for; workgroups along x; cubes that there is room for.
     pub room: [u32; 4],
 }
 
@@ -140,6 +140,7 @@ pub struct SplineHead {
     pub numbers: u32,
     pub wanted_blocks: u32,
     pub wanted_tets: u32,
+    pub wanted_cubes: u32,
     pub first: [u32; 24],
     pub count: [u32; 24],
     /// Arguments of indexed indirect draws.

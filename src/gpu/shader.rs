@@ -5,6 +5,7 @@
 
 use std::fmt::Write;
 
+use super::Coefficients;
 use crate::render::Second;
 use crate::warp::SNAP;
 
@@ -25,6 +26,7 @@ const SPLINE_CLASSIFY: &str = include_str!("../../shaders/spline_classify.wgsl")
 const SPLINE_EMIT: &str = include_str!("../../shaders/spline_emit.wgsl");
 const SPLINE_VIEW: &str = include_str!("../../shaders/spline_view.wgsl");
 const SPLINE_TEXELS: &str = include_str!("../../shaders/spline_texels.wgsl");
+const SPLINE_DETERMINING: &str = include_str!("../../shaders/spline_determining.wgsl");
 const SPLINE_DRAW: &str = include_str!("../../shaders/spline_draw.wgsl");
 const SPLINE_CAP: &str = include_str!("../../shaders/spline_cap.wgsl");
 const SPLINE_LAYER: &str = include_str!("../../shaders/spline_layer.wgsl");
@@ -157,14 +159,23 @@ pub fn spline_classify() -> String {
     [SPLINE, SPLINE_CLASSIFY].concat()
 }
 
-/// The shader that lists them; `stored`: with their coefficients.
-pub fn spline_emit(stored: bool) -> String {
-    format!("const STORED: bool = {stored};\n{SPLINE}{SPLINE_CLASSIFY}{SPLINE_EMIT}")
+/// The shader that lists them, with what is stored of their coefficients.
+pub fn spline_emit(coefficients: Coefficients) -> String {
+    format!("{}{SPLINE}{SPLINE_CLASSIFY}{SPLINE_EMIT}", ways(coefficients))
 }
 
-/// The shader that draws them; `stored`: with the coefficients that were listed; `early`: what lies behind what was drawn before
-/// is left out before its fragments look for the surface.
-pub fn spline_draw(stored: bool, early: bool) -> String {
+/// What both shaders know of where coefficients come from.
+fn ways(coefficients: Coefficients) -> String {
+    format!(
+        "const STORED: bool = {};\nconst DETERMINING: bool = {};\n",
+        coefficients == Coefficients::Stored,
+        coefficients == Coefficients::Determining
+    )
+}
+
+/// The shader that draws them; `early`: what lies behind what was drawn before is left out before its fragments look for the
+/// surface.
+pub fn spline_draw(coefficients: Coefficients, early: bool) -> String {
     let cones = cones();
     let draw = if early {
         SPLINE_DRAW.replace("@fragment\n", "@fragment\n@early_depth_test(greater_equal)\n")
@@ -172,8 +183,9 @@ pub fn spline_draw(stored: bool, early: bool) -> String {
         SPLINE_DRAW.to_owned()
     };
     format!(
-        "const STORED: bool = {stored};\nconst EARLY: bool = {early};\n\
-         {cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{draw}"
+        "{}const EARLY: bool = {early};\n\
+         {cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DETERMINING}{draw}",
+        ways(coefficients)
     )
 }
 

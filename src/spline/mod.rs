@@ -19,6 +19,8 @@
 //! exact on linear functions only a voxel away from it (and `2 + steps` with corrections). Coefficients are stored in `f32`,
 //! everything is evaluated in `f64`.
 //!
+//! [`Determining`] is a part of the coefficients of a cube that the others follow from.
+//!
 //! [`Level`] is one isovalue: which cubes it may pass through, found by the signs of the samples alone, and where rays meet
 //! it. [`Through`] is the same seen through a backward map, as the data lie after strokes. [`paint`] colours the surface,
 //! [`occupancy`] shades it by what is around. [`surface`] makes meshes of it; [`cells`] is the trilinear alternative.
@@ -26,6 +28,7 @@
 pub mod cells;
 mod correct;
 pub mod cubic;
+mod determining;
 mod level;
 pub mod occupancy;
 pub mod paint;
@@ -42,6 +45,7 @@ use crate::volume::{Samples, Scalar, Volume};
 use crate::with_samples;
 use correct::{Padded, Rows};
 
+pub use determining::Determining;
 pub use level::{Classes, Level};
 pub use piece::{DOMAIN, Kind, Piece, VERTICES, barycentric};
 pub use ray::{Crossing, Ray};

@@ -9,6 +9,7 @@ use super::super::Answer;
 use super::super::view::parse_size;
 use crate::evaluate::experiments::spline::{Measured, Volume, measure};
 use crate::evaluate::open;
+use crate::gpu::SplineLoad;
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> Result<Answer> {
 
 /// Tetrahedra that are found in a second.
 fn rate(m: &Measured) -> Option<f64> {
-    Some(f64::from(m.tets?) / (m.classify_ms? * 1e-3))
+    Some(f64::from(m.load?.tets) / (m.classify_ms? * 1e-3))
 }
 
 fn row(m: &Measured) -> serde_json::Value {
@@ -61,9 +62,12 @@ fn row(m: &Measured) -> serde_json::Value {
         "way": m.way.name(),
         "backend": m.way.backend(),
         "ms": { "change": m.change_ms, "frame": m.frame_ms, "classify": m.classify_ms },
-        "tets": m.tets,
+        "tets": m.load.map(|l| l.tets),
+        "cubes": m.load.map(|l| l.cubes),
         "tets_per_second": rate(m),
-        "bytes": m.bytes,
+        "bytes": m.load.map(|l| l.sample_bytes + l.list_bytes),
+        "list_bytes": m.load.map(|l| l.list_bytes),
+        "coefficient_bytes": m.load.map(|l| l.coefficient_bytes),
     })
 }
 
@@ -71,7 +75,7 @@ fn table(file: &str, v: &Volume) -> String {
     let [nx, ny, nz] = v.dims;
     let mut text = format!(
         "{file}: {nx}x{ny}x{nz} voxels, {} cubes with surface; spline {:.1} ms, mesh {:.1} ms ({} triangles)\n  \
-         {:<20} {:>4}  {:>12} {:>10} {:>12} {:>11} {:>9} {:>8}\n",
+         {:<20} {:>4}  {:>12} {:>10} {:>12} {:>11} {:>9} {:>8} {:>9} {:>9}\n",
         v.cubes,
         v.spline_ms,
         v.mesh_ms,
@@ -83,21 +87,26 @@ fn table(file: &str, v: &Volume) -> String {
         "classify ms",
         "tetrahedra",
         "M tets/s",
-        "MB"
+        "MB",
+        "of lists",
+        "of coeff."
     );
     for m in &v.ways {
         let number = |v: Option<f64>, digits: usize| v.map_or(String::new(), |v| format!("{v:.digits$}"));
+        let megabytes = |bytes: fn(SplineLoad) -> u64| number(m.load.map(|l| bytes(l) as f64 * 1e-6), 1);
         let _ = writeln!(
             text,
-            "  {:<20} {:>4}  {:>9.1} ms {:>7.1} ms {:>12} {:>11} {:>9} {:>8}",
+            "  {:<20} {:>4}  {:>9.1} ms {:>7.1} ms {:>12} {:>11} {:>9} {:>8} {:>9} {:>9}",
             m.way.name(),
             m.way.backend(),
             m.change_ms,
             m.frame_ms,
             number(m.classify_ms, 1),
-            m.tets.map_or(String::new(), |t| t.to_string()),
+            m.load.map_or(String::new(), |l| l.tets.to_string()),
             number(rate(m).map(|r| r * 1e-6), 2),
-            number(m.bytes.map(|b| b as f64 * 1e-6), 1)
+            megabytes(|l| l.sample_bytes + l.list_bytes),
+            megabytes(|l| l.list_bytes),
+            megabytes(|l| l.coefficient_bytes)
         );
     }
     text

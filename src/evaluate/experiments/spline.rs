@@ -8,7 +8,7 @@ use crate::evaluate::EvaluateError;
 use crate::evaluate::load::{Object, load};
 use crate::evaluate::picture::{Backend, Mode, Refinement, Renderer, ViewOptions};
 use crate::evaluate::smooth;
-use crate::gpu::{Coefficients, Gpu, GpuError, Preference, SplinePass};
+use crate::gpu::{Coefficients, Gpu, GpuError, Preference, SplineLoad, SplinePass};
 use crate::render::{Camera, Look, Shading};
 use crate::scene::{CameraSpec, Document};
 use crate::spline::paint::Shell;
@@ -26,10 +26,11 @@ pub enum Way {
 }
 
 impl Way {
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Rays,
         Self::Slices { gpu: false },
         Self::Tets(Coefficients::Stored),
+        Self::Tets(Coefficients::Determining),
         Self::Tets(Coefficients::OnTheFly),
         Self::Slices { gpu: true },
     ];
@@ -38,6 +39,7 @@ impl Way {
         match self {
             Self::Rays => "spline",
             Self::Tets(Coefficients::Stored) => "spline, stored",
+            Self::Tets(Coefficients::Determining) => "spline, determining",
             Self::Tets(Coefficients::OnTheFly) => "spline, on the fly",
             Self::Slices { .. } => "slices",
         }
@@ -61,9 +63,8 @@ pub struct Measured {
     pub frame_ms: f64,
     /// Finding what the surface passes through, alone.
     pub classify_ms: Option<f64>,
-    /// Tetrahedra that it passes through, and bytes on the device.
-    pub tets: Option<u32>,
-    pub bytes: Option<u64>,
+    /// What is on the device.
+    pub load: Option<SplineLoad>,
 }
 
 /// All ways with one volume.
@@ -182,8 +183,7 @@ pub fn measure(
             change_ms: median(times.change).unwrap_or_default(),
             frame_ms: median(times.frame).unwrap_or_default(),
             classify_ms: median(times.classify),
-            tets: load.map(|l| l.tets),
-            bytes: load.map(|l| l.sample_bytes + l.list_bytes),
+            load,
         }
     });
     let volume = Volume {

@@ -159,10 +159,20 @@ pub(super) struct Kept {
     uploaded: bool,
     /// Whether it has the occupancy.
     shaded: bool,
+    /// Where coefficients come from; `None`: as suits the surface.
+    coefficients: Option<Coefficients>,
     pub look: SmoothLook,
 }
 
 impl Kept {
+    /// Where coefficients of pictures on the GPU come from; `None`: as suits the surface.
+    pub fn set_coefficients(&mut self, coefficients: Option<Coefficients>) {
+        self.coefficients = coefficients;
+        if let Some(pass) = &mut self.pass {
+            pass.set_coefficients(coefficients.unwrap_or(Coefficients::Stored));
+        }
+    }
+
     fn made_of(&self, object: &Object, corrections: Option<u32>) -> MadeOf {
         MadeOf::new(object, corrections, self.look.direct && deformed(object))
     }
@@ -240,7 +250,7 @@ pub(super) fn picture(
     };
     let Shading::Iso { value: iso, .. } = look.shading else { return Err(EvaluateError::View) };
     let stand_in = kept.renew(object, options.corrections, options.refinement == Refinement::Draft)?;
-    let Kept { smooth, passing, pass, uploaded, shaded, look: smooth_look } = kept;
+    let Kept { smooth, passing, pass, uploaded, shaded, coefficients, look: smooth_look } = kept;
     // the light of the last picture at rest does for one that passes
     let before = smooth.as_ref().filter(|_| stand_in).and_then(|kept| kept.occupancy.as_ref());
     let before = before.map(|filled| filled.occupancy.clone());
@@ -255,6 +265,7 @@ pub(super) fn picture(
         triangles: 0,
         fragments: None,
         tets: None,
+        spline: None,
         warnings: Vec::new(),
         backend: "cpu",
         device: format!("cpu, {} threads", rayon::current_num_threads()),
@@ -276,7 +287,7 @@ pub(super) fn picture(
         } else if smooth.through.is_some() {
             report.warnings.push("the surface was drawn on the CPU, which alone sees it through strokes".into());
         } else {
-            match on_gpu(gpu, (pass, uploaded, shaded), smooth, &mut report, |pass| {
+            match on_gpu(gpu, (pass, uploaded, shaded), *coefficients, smooth, &mut report, |pass| {
                 pass.draw(gpu, &frame, &view, &shells)
             }) {
                 Ok(picture) => drawn = Some(picture),
@@ -376,6 +387,7 @@ pub(super) fn frame_and_view(
 fn on_gpu(
     gpu: &Gpu,
     (pass, uploaded, shaded): (&mut Option<SplinePass>, &mut bool, &mut bool),
+    chosen: Option<Coefficients>,
     smooth: &Smooth,
     report: &mut PictureReport,
     draw: impl Fn(&mut SplinePass) -> Result<Picture, GpuError>,
@@ -386,8 +398,8 @@ fn on_gpu(
         none => none.insert(SplinePass::new(gpu)?),
     };
     if !*uploaded {
-        // a larger surface may have needed the other way before
-        pass.set_coefficients(Coefficients::Stored);
+        // a larger surface may have needed another way before
+        pass.set_coefficients(chosen.unwrap_or(Coefficients::Stored));
         pass.set_spline(gpu, &smooth.spline)?;
         *uploaded = true;
     }
@@ -397,8 +409,9 @@ fn on_gpu(
     }
     report.ms_geometry = since(started);
     let picture = match draw(pass) {
-        // coefficients take 20 times the room of a list
-        Err(GpuError::TooLarge { .. }) if pass.coefficients() == Coefficients::Stored => {
+        // coefficients take 20 times the room of a list; what determines a cube's takes less, but is slower to draw with than
+        // the samples
+        Err(GpuError::TooLarge { .. }) if chosen.is_none() && pass.coefficients() == Coefficients::Stored => {
             pass.set_coefficients(Coefficients::OnTheFly);
             draw(pass)?
         }
@@ -408,6 +421,7 @@ fn on_gpu(
     report.device = gpu.name();
     report.fragments = pass.fragments();
     report.triangles = 4 * pass.load().tets as usize;
+    report.spline = Some((pass.coefficients(), pass.load()));
     Ok(picture)
 }
 

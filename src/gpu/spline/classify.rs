@@ -1,5 +1,6 @@
 //! From an isovalue to lists of tetrahedra.
 
+use super::Coefficients;
 use super::size::{KINDS, Room, SCAN_CHUNK, blocks};
 use crate::gpu::bind::{SAMPLES, buffer_type, compute_pipelines, group, group_layout};
 use crate::gpu::layout::{SplineHead, SplineLevelUniform, workgroups};
@@ -18,8 +19,8 @@ pub struct Classifier {
     list: wgpu::ComputePipeline,
     tets: wgpu::ComputePipeline,
     draws: wgpu::ComputePipeline,
-    /// Without and with stored coefficients.
-    emit: [wgpu::ComputePipeline; 2],
+    /// By where coefficients come from.
+    emit: [wgpu::ComputePipeline; 3],
     /// Chunks are added up, their sums scanned, then each.
     scan: [wgpu::ComputePipeline; 3],
 }
@@ -65,6 +66,7 @@ const DISPATCH: u64 = 32;
 /// Of the numbers of the scan, what there should be room for, the lists of kinds, and the draws.
 const NUMBERS: u64 = std::mem::offset_of!(SplineHead, numbers) as u64;
 const WANTED: u64 = std::mem::offset_of!(SplineHead, wanted_blocks) as u64;
+const WANTED_BYTES: u64 = 3 * 4;
 const FIRST: u64 = std::mem::offset_of!(SplineHead, first) as u64;
 const DRAWS: u64 = std::mem::offset_of!(SplineHead, draws) as u64;
 /// Bytes of the arguments of a draw.
@@ -93,12 +95,13 @@ impl Classifier {
             ["reduce_main", "sums_main", "scan_main"],
             &[Some(&scan_layout)],
         )?;
-        let emit = |stored| {
+        let emit = |coefficients| {
             let groups = [Some(&own_layout), Some(&lists_layout)];
-            let [emit] = compute_pipelines(gpu, &shader::spline_emit(stored), ["emit_main"], &groups)?;
+            let [emit] = compute_pipelines(gpu, &shader::spline_emit(coefficients), ["emit_main"], &groups)?;
             Ok::<_, GpuError>(emit)
         };
-        let emit = [emit(false)?, emit(true)?];
+        let [fly, stored, determining] = Coefficients::ALL.map(emit);
+        let emit = [fly?, stored?, determining?];
         Ok(Self { group_layout: own_layout, lists_layout, scan_layout, blocks, list, tets, draws, emit, scan })
     }
 
@@ -113,7 +116,7 @@ impl Classifier {
             dims: [nx, ny, nz, 0],
             blocks: [bx, by, bz, all],
             iso: [upper, (iso - f64::from(upper)) as f32, 0.0, 0.0],
-            room: [lists.room.blocks, lists.room.tets, most, 0],
+            room: [lists.room.blocks, lists.room.tets, most, lists.room.most_cubes()],
         };
         gpu.queue.write_buffer(&lists.uniform, 0, bytemuck::bytes_of(&uniform));
         gpu.queue.write_buffer(&lists.block_count, 0, bytemuck::bytes_of(&all));
@@ -151,12 +154,12 @@ impl Classifier {
             pass.set_pipeline(&self.draws);
             pass.dispatch_workgroups(1, 1, 1);
             pass.set_bind_group(1, &lists.emit_group, &[]);
-            pass.set_pipeline(&self.emit[usize::from(lists.room.stored)]);
+            pass.set_pipeline(&self.emit[lists.room.coefficients as usize]);
             pass.dispatch_workgroups_indirect(&lists.dispatch, 0);
         }
         encoder.copy_buffer_to_buffer(&lists.head, DRAWS, &lists.draws, 0, KINDS * DRAW);
         encoder.copy_buffer_to_buffer(&lists.head, FIRST, &lists.kinds, 0, 2 * KINDS * 4);
-        encoder.copy_buffer_to_buffer(&lists.head, WANTED, &lists.readback, 0, 8);
+        encoder.copy_buffer_to_buffer(&lists.head, WANTED, &lists.readback, 0, WANTED_BYTES);
     }
 }
 
@@ -293,7 +296,7 @@ impl Lists {
         let store = make("spline coefficients", store, U::STORAGE)?;
         let block_count = make("spline scan", 4, U::STORAGE | U::COPY_DST)?;
         let tally_count = make("spline scan", 4, U::STORAGE | U::COPY_DST)?;
-        let readback = make("spline head", 8, U::COPY_DST | U::MAP_READ)?;
+        let readback = make("spline head", WANTED_BYTES, U::COPY_DST | U::MAP_READ)?;
         let view = wgpu::BindingResource::TextureView(&samples.view);
         let whole = wgpu::Buffer::as_entire_binding;
         let own = [
@@ -331,11 +334,11 @@ impl Lists {
         Ok(made)
     }
 
-    /// Blocks and tetrahedra that the last classification wanted room for.
+    /// Blocks, tetrahedra, and cubes with such, that the last classification wanted room for.
     ///
     /// # Errors
     /// What the device reported.
-    pub fn wanted(&self, gpu: &Gpu) -> Result<[u32; 2], GpuError> {
+    pub fn wanted(&self, gpu: &Gpu) -> Result<[u32; 3], GpuError> {
         gpu.read(&self.readback, bytemuck::pod_read_unaligned)
     }
 }

@@ -1,5 +1,6 @@
 //! The tetrahedra of a list, drawn, and caps.
 
+use super::Coefficients;
 use super::classify::{DRAW, Lists, Samples};
 use super::shade::OccupancyTexture;
 use super::size::{BATCH, KINDS};
@@ -43,8 +44,8 @@ pub struct Drawer {
     uniforms: Vec<wgpu::Buffer>,
     /// Whether depths are tested before fragments are shaded.
     early: bool,
-    /// By target, then without and with stored coefficients; made when first used.
-    tets: [[Option<wgpu::RenderPipeline>; 2]; 2],
+    /// By target, then by where coefficients come from; made when first used.
+    tets: [[Option<wgpu::RenderPipeline>; 3]; 2],
     caps: [Option<wgpu::RenderPipeline>; 2],
 }
 
@@ -126,11 +127,11 @@ impl Drawer {
     ///
     /// # Errors
     /// [`GpuError::Refusal`].
-    pub fn prepare(&mut self, gpu: &Gpu, target: Target, stored: bool) -> Result<(), GpuError> {
+    pub fn prepare(&mut self, gpu: &Gpu, target: Target, coefficients: Coefficients) -> Result<(), GpuError> {
         let layout = &self.layout;
-        let tets = &mut self.tets[target as usize][usize::from(stored)];
+        let tets = &mut self.tets[target as usize][coefficients as usize];
         if tets.is_none() {
-            let source = shader::spline_draw(stored, self.early);
+            let source = shader::spline_draw(coefficients, self.early);
             *tets = Some(gpu.allocate("a pipeline", 0, || {
                 // back faces: those in front may lie behind the eye
                 pipeline(gpu, layout, &source, target, Some(wgpu::Face::Front))
@@ -196,7 +197,7 @@ impl Drawer {
             }
         }
         for ((lists, _), group) in surfaces.iter().zip(&groups) {
-            if let Some(pipeline) = &self.tets[kind as usize][usize::from(lists.room.stored)] {
+            if let Some(pipeline) = &self.tets[kind as usize][lists.room.coefficients as usize] {
                 pass.set_bind_group(1, group, &[]);
                 pass.set_pipeline(pipeline);
                 pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);

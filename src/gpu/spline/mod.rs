@@ -28,7 +28,7 @@
 //! # Practice
 //!
 //! Coefficients are worked out from the 27 samples by the vertex stage, or by the classification, which has them in hand, and
-//! stored ([`Coefficients`]). Lists have room for surfaces of the usual size; what was missing is known after the picture,
+//! stored: all 20 of a tetrahedron, or 56 of a cube, from which the vertex stage gets the others ([`Coefficients`]). Lists have room for surfaces of the usual size; what was missing is known after the picture,
 //! and then it is done again with more.
 
 mod classify;
@@ -63,19 +63,38 @@ pub use view::{Shade, SplineView};
 pub enum Coefficients {
     /// The samples, for each corner of each tetrahedron.
     OnTheFly,
-    /// A store that is filled whenever the isovalue changes.
+    /// A store of all of each tetrahedron (80 bytes), filled whenever the isovalue changes.
     Stored,
+    /// A store of the 56 of each cube with tetrahedra that determine the others (224 bytes, the poster's Gamma_Q; see
+    /// [`crate::spline::Determining`]), filled as the other.
+    Determining,
+}
+
+impl Coefficients {
+    pub const ALL: [Self; 3] = [Self::OnTheFly, Self::Stored, Self::Determining];
+
+    /// As the command line has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OnTheFly => "fly",
+            Self::Stored => "stored",
+            Self::Determining => "determining",
+        }
+    }
 }
 
 /// What is on the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SplineLoad {
-    /// Tetrahedra that the isosurface may pass through, and blocks of 4 x 4 x 4 cubes with such.
+    /// Tetrahedra that the isosurface may pass through, cubes with such, and blocks of 4 x 4 x 4 cubes that may have some.
     pub tets: u32,
+    pub cubes: u32,
     pub blocks: u32,
-    /// Bytes of the samples, and of the lists (with the coefficients).
+    /// Bytes of the samples, and of the lists (with the coefficients, and with room that is not used).
     pub sample_bytes: u64,
     pub list_bytes: u64,
+    /// Bytes of the coefficients that are stored.
+    pub coefficient_bytes: u64,
 }
 
 /// Draws isosurfaces of splines. Everything on the device is kept and used again.
@@ -107,7 +126,7 @@ struct Level {
     lists: Lists,
     /// The isovalue.
     classified: Option<f64>,
-    wanted: [u32; 2],
+    wanted: [u32; 3],
 }
 
 /// Where in a picture surfaces are drawn.
@@ -214,9 +233,12 @@ impl SplinePass {
         let mut load =
             SplineLoad { sample_bytes: self.samples.as_ref().map_or(0, |s| s.bytes), ..SplineLoad::default() };
         for level in &self.levels {
-            load.blocks += level.wanted[0];
-            load.tets += level.wanted[1];
+            let [blocks, tets, cubes] = level.wanted;
+            load.blocks += blocks;
+            load.tets += tets;
+            load.cubes += cubes;
             load.list_bytes += level.lists.bytes;
+            load.coefficient_bytes += size::coefficient_bytes(self.coefficients, tets, cubes);
         }
         load
     }
@@ -257,7 +279,7 @@ impl SplinePass {
         shells.sort_by(|a, b| b.iso.total_cmp(&a.iso));
         let isos: Vec<f64> = shells.iter().map(|s| s.iso).collect();
         self.make_lists(gpu, shells.len())?;
-        self.drawer.prepare(gpu, Target::Picture, self.coefficients == Coefficients::Stored)?;
+        self.drawer.prepare(gpu, Target::Picture, self.coefficients)?;
         let layers = layers::count(shells.len() as u32, shells.iter().all(|s| s.opacity >= 1.0));
         if layers > 0 && self.layers.as_ref().is_none_or(|l| !l.fits(width, height)) {
             self.layers = None;
@@ -304,7 +326,7 @@ impl SplinePass {
     pub fn probe(&mut self, gpu: &Gpu, view: &SplineView, iso: f64) -> Result<Vec<[f32; 4]>, GpuError> {
         let [width, height] = view.size;
         self.make_lists(gpu, 1)?;
-        self.drawer.prepare(gpu, Target::Probe, self.coefficients == Coefficients::Stored)?;
+        self.drawer.prepare(gpu, Target::Probe, self.coefficients)?;
         self.set_views(gpu, view, &[Shell { iso, color: [1.0; 3], opacity: 1.0 }], false)?;
         let target = SliceTarget::of(gpu, width, height, Target::Probe.format())?;
         let row = padded_row(width, 16);
@@ -392,8 +414,7 @@ impl SplinePass {
         for &n in fresh {
             let level = &mut self.levels[n];
             level.wanted = level.lists.wanted(gpu)?;
-            let [blocks, tets] = level.wanted;
-            let room = level.lists.room.grown(blocks, tets, self.limit)?;
+            let room = level.lists.room.grown(level.wanted, self.limit)?;
             if room == level.lists.room {
                 level.classified = Some(isos[n]);
                 continue;
@@ -417,10 +438,9 @@ impl SplinePass {
         self.levels.truncate(count.max(1));
         if let Some(samples) = &self.samples {
             while self.levels.len() < count {
-                let stored = self.coefficients == Coefficients::Stored;
-                let room = Room::first(samples.block_count(), stored, self.limit);
+                let room = Room::first(samples.block_count(), self.coefficients, self.limit);
                 let lists = Lists::new(gpu, &self.classifier, samples, room)?;
-                self.levels.push(Level { lists, classified: None, wanted: [0; 2] });
+                self.levels.push(Level { lists, classified: None, wanted: [0; 3] });
             }
         }
         Ok(())
