@@ -214,6 +214,7 @@ impl<T: Real> BrushKernel<T> {
     }
 
     /// The same; `jacobian` is multiplied from the left by `I - grad D`.
+    #[inline(always)]
     pub fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
         match self.ball.falloff {
             Falloff::Smooth => self.displace_with_jacobian_by(b, jacobian, smooth),

@@ -27,6 +27,7 @@ pub(super) trait Kernel<T: Real> {
     }
 
     /// The same; `jacobian` is multiplied from the left by `I - vector (grad V)^T`.
+    #[inline(always)]
     fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
         displace_with_jacobian(self.vector(), b, jacobian, |p| self.value_and_gradient(p));
     }
@@ -290,6 +291,7 @@ impl<T: Real> Kernel<T> for BallKernel<T> {
         }
     }
 
+    #[inline(always)]
     fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
         let d = self.vector;
         match self.falloff {

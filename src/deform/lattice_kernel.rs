@@ -193,6 +193,7 @@ impl<T: Real> LatticeKernel<T> {
     }
 
     /// The same; `jacobian` is multiplied from the left by `I - grad D`.
+    #[inline(always)]
     pub fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
         for i in 0..BLOCK {
             let (d, g) = self.displacement_with_gradient([b.x[i], b.y[i], b.z[i]]);

@@ -261,6 +261,35 @@ impl<T: Real> pulp::WithSimd for Displace<'_, T> {
     }
 }
 
+/// The same with derivatives.
+struct DisplaceWithJacobian<'a, T> {
+    steps: &'a [BlockStep<T>],
+    points: &'a mut Block<T>,
+    jacobian: &'a mut JacobianBlock<T>,
+}
+
+impl<T: Real> pulp::WithSimd for DisplaceWithJacobian<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { steps, points, jacobian } = self;
+        let mut bounds = points.bounds();
+        for step in steps {
+            if step.misses(&bounds) {
+                continue;
+            }
+            match &step.kernel {
+                AnyKernel::Spline(k) => k.displace_with_jacobian(points, jacobian),
+                AnyKernel::Ball(k) => k.displace_with_jacobian(points, jacobian),
+                AnyKernel::Brush(k) => k.displace_with_jacobian(points, jacobian),
+                AnyKernel::Lattice(k) => k.displace_with_jacobian(points, jacobian),
+            }
+            bounds = points.bounds();
+        }
+    }
+}
+
 /// Bounds of points of which each was moved by some part of `-vector`.
 #[inline(always)]
 fn shifted<T: Real>(bounds: &mut [[T; 2]; 3], vector: [T; 3]) {
@@ -304,21 +333,8 @@ impl<T: Real> BlockMap<T> for Blocks<T> {
 
     fn backward_block_with_jacobian(&self, points: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
         jacobian.set_identity();
-        if self.steps.is_empty() {
-            return;
-        }
-        let mut bounds = points.bounds();
-        for step in &self.steps {
-            if step.misses(&bounds) {
-                continue;
-            }
-            match &step.kernel {
-                AnyKernel::Spline(k) => k.displace_with_jacobian(points, jacobian),
-                AnyKernel::Ball(k) => k.displace_with_jacobian(points, jacobian),
-                AnyKernel::Brush(k) => k.displace_with_jacobian(points, jacobian),
-                AnyKernel::Lattice(k) => k.displace_with_jacobian(points, jacobian),
-            }
-            bounds = points.bounds();
+        if !self.steps.is_empty() {
+            pulp::Arch::new().dispatch(DisplaceWithJacobian { steps: &self.steps, points, jacobian });
         }
     }
 }
