@@ -1,16 +1,20 @@
 //! `voxclay render`: a picture of a project or volume.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use serde_json::json;
 
 use super::Answer;
 use super::view::ViewArgs;
-use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, SmoothLook};
-use crate::evaluate::{load, open};
+use crate::evaluate::load::Workspace;
+use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, SmoothLook, ViewOptions};
+use crate::evaluate::{open, series};
 use crate::io;
 use crate::mesh::tet_map::MapReport;
+use crate::render::Picture;
+use crate::scene::Document;
 use crate::spline::paint::{Curvature, Shell};
 
 /// Draw a project or a volume into a PNG file.
@@ -20,6 +24,8 @@ use crate::spline::paint::{Curvature, Shell};
 /// Through tetrahedra: voxclay render sculpt.voxclay --mode tets -o sculpt.png
 ///
 /// A smooth iso-surface: voxclay render sculpt.voxclay --mode spline --iso 0.3 -o sculpt.png
+///
+/// Every step of a series in time: voxclay render heart.nii.gz --step all -o heart_###.png
 #[derive(clap::Args)]
 pub struct Args {
     /// A project (.voxclay), a volume file, or phantom:NAME[:SIZE].
@@ -27,6 +33,9 @@ pub struct Args {
     file: String,
     #[command(flatten)]
     view: ViewArgs,
+    /// Which step of a series in time, counted from 0, or `all` of them (default: the project's, or the first).
+    #[arg(long, value_name = "N|all", value_parser = parse_steps)]
+    step: Option<Steps>,
     /// Of --mode spline: red where the surface bulges (gaussian: where it is a dome or a cup), blue where it is hollow (a
     /// saddle).
     #[arg(long, value_enum, value_name = "KIND")]
@@ -49,7 +58,7 @@ pub struct Args {
     /// Of --mode spline: find the surface through the strokes, instead of resampling the volume first.
     #[arg(long)]
     direct: bool,
-    /// The picture.
+    /// The picture; with --step all a name with `#` where the number of the step goes, such as heart_###.png.
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
 }
@@ -66,6 +75,20 @@ enum CapsArg {
     Surface,
     /// The transfer function.
     Volume,
+}
+
+/// Steps of a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Steps {
+    One(usize),
+    All,
+}
+
+fn parse_steps(word: &str) -> Result<Steps, String> {
+    if word == "all" {
+        return Ok(Steps::All);
+    }
+    word.parse().map(Steps::One).map_err(|_| format!("'{word}' is no step; expected a number from 0 on, or all"))
 }
 
 impl Args {
@@ -123,20 +146,15 @@ pub fn run(args: &Args) -> Result<Answer> {
     let (mut document, base) = open(&args.file)?;
     let options = args.view.apply(&mut document)?;
     let smooth_look = args.smooth_look(options.mode, &document.surface)?;
-    let object = load::load(&document, &base)?;
-    for warning in &object.warnings {
-        eprintln!("voxclay: {warning}");
-    }
-    let look = document.look.look(object.iso);
-    let camera = object.camera(&document.camera);
     let mut renderer = Renderer::new(options.backend)?;
     renderer.set_smooth_look(smooth_look);
-    let (picture, report) = renderer.picture(&object, &camera, &look, &options)?;
-    for warning in &report.warnings {
-        eprintln!("voxclay: {warning}");
+    let mut work = Work { workspace: Workspace::new(&base), renderer, options };
+    match args.step {
+        Some(Steps::All) => return all_steps(&mut work, document, &base, &args.output),
+        Some(Steps::One(step)) => document.step = step,
+        None => {}
     }
-    let png = picture.png()?;
-    io::write_atomic(&args.output, |w| std::io::Write::write_all(w, &png))?;
+    let (picture, report) = work.draw(&document, &args.output)?;
     let mut text = format!(
         "{}: {}x{}, {} slices, {} triangles, {:.0} ms on {}\n",
         args.output.display(),
@@ -148,7 +166,7 @@ pub fn run(args: &Args) -> Result<Answer> {
         report.device,
     );
     if let Some(t) = &report.tets {
-        if let Refinement::Tolerance(tolerance) = options.refinement
+        if let Refinement::Tolerance(tolerance) = work.options.refinement
             && !t.lattice.converged
         {
             eprintln!("voxclay: {}", unconverged(&t.lattice, tolerance));
@@ -159,6 +177,59 @@ pub fn run(args: &Args) -> Result<Answer> {
         ));
     }
     Ok(Answer { json: report_json(&report), text })
+}
+
+/// What pictures of several steps share.
+struct Work {
+    workspace: Workspace,
+    renderer: Renderer,
+    options: ViewOptions,
+}
+
+impl Work {
+    fn draw(&mut self, document: &Document, output: &Path) -> Result<(Picture, PictureReport)> {
+        let object = self.workspace.object(document)?;
+        for warning in &object.warnings {
+            eprintln!("voxclay: {warning}");
+        }
+        let look = document.look.look(object.iso);
+        let camera = object.camera(&document.camera);
+        let (picture, report) = self.renderer.picture(&object, &camera, &look, &self.options)?;
+        for warning in &report.warnings {
+            eprintln!("voxclay: {warning}");
+        }
+        let png = picture.png()?;
+        io::write_atomic(output, |w| std::io::Write::write_all(w, &png))?;
+        Ok((picture, report))
+    }
+}
+
+/// A picture of every step.
+fn all_steps(work: &mut Work, mut document: Document, base: &Path, output: &Path) -> Result<Answer> {
+    let started = Instant::now();
+    let steps = series::steps(&document.volume, base)?;
+    let files: Vec<PathBuf> =
+        (0..steps).map(|step| numbered(output, step)).collect::<Option<_>>().with_context(|| {
+            format!("{}: --step all needs a name with # where the number goes, such as step_###.png", output.display())
+        })?;
+    for (step, file) in files.iter().enumerate() {
+        document.step = step;
+        work.draw(&document, file)?;
+    }
+    let ms = started.elapsed().as_secs_f64() * 1e3;
+    Ok(Answer {
+        json: json!({ "files": files, "steps": steps, "ms": { "total": ms } }),
+        text: format!("{}: {steps} pictures, {ms:.0} ms\n", output.display()),
+    })
+}
+
+/// The name with the last `###` in it exchanged for a number of as many digits at least.
+fn numbered(path: &Path, number: usize) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let end = name.rfind('#')? + 1;
+    let start = name[..end].trim_end_matches('#').len();
+    let width = end - start;
+    Some(path.with_file_name(format!("{}{number:0width$}{}", &name[..start], &name[end..])))
 }
 
 /// The JSON keys of the contract.
