@@ -52,7 +52,7 @@ impl Modeller {
         let Some(desk) = &self.desk else { return };
         let dark = ctx.theme() == egui::Theme::Dark;
         let key = Key {
-            document: desk.shown().clone(),
+            document: desk.at_hand(),
             size: self.size,
             mode: self.view.mode,
             other: self.view.compare.then_some(self.view.other),
@@ -76,7 +76,8 @@ impl Modeller {
         let moving = if changed { held || self.wanted.is_some() } else { self.moved.elapsed() < REST };
         let refine = !moving && self.wanted.as_ref().is_some_and(|w| w.moving);
         if changed || refine {
-            self.worker.want(Want {
+            let stepped = self.wanted.as_ref().is_none_or(|w| !Arc::ptr_eq(&w.key.data, &key.data));
+            let generation = self.worker.want(Want {
                 data: key.data.clone(),
                 base: desk.base.clone(),
                 document: key.document.clone(),
@@ -92,6 +93,9 @@ impl Modeller {
                 heat: key.heat,
                 ground: theme::view_ground(dark),
             });
+            if stepped {
+                self.player.picture = generation;
+            }
             self.wanted = Some(Wanted { key, moving });
         }
         if moving {

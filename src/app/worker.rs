@@ -351,6 +351,15 @@ impl Painter {
 
     /// The object of the wanted document; nothing is made again that did not change.
     fn object(&mut self, want: &Want) -> Result<Arc<Object>, EvaluateError> {
+        if let Some(known) = &mut self.known
+            && known.base == want.base
+            && Arc::ptr_eq(&known.data.basis, &want.data.basis)
+            && !Arc::ptr_eq(&known.data, &want.data)
+        {
+            // another step of the same series
+            known.workspace.go_on_with(want.data.clone());
+            (known.data, known.made) = (want.data.clone(), None);
+        }
         if self.known.as_ref().is_none_or(|k| !Arc::ptr_eq(&k.data, &want.data) || k.base != want.base) {
             self.known = Some(Known {
                 data: want.data.clone(),
