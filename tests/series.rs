@@ -351,6 +351,11 @@ fn the_modeller_goes_through_a_series() {
     for step in [4, 0, 1, 3] {
         until(&mut h, "the steps in turn", |m| in_view(m) == Some(step));
     }
+    // each step of a smooth surface is one
+    key(&mut h, Modifiers::NONE, Key::Num4);
+    for step in [2, 4] {
+        until(&mut h, "its surface", |m| m.player.playing && in_view(m) == Some(step) && spline(m).is_some());
+    }
     h.get_by_label("Pause (Space)").click();
     h.run_steps(3);
     assert!(!m(&mut h).player.playing);

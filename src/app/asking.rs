@@ -73,7 +73,9 @@ impl Modeller {
         }
         // what is held still for a moment is worth a better picture, even with the button down
         let held = ctx.input(|i| i.pointer.any_down());
-        let moving = if changed { held || self.wanted.is_some() } else { self.moved.elapsed() < REST };
+        // what stands for a smooth surface while something moves would only flicker between its steps
+        let smooth = self.player.playing && key.mode == Mode::Spline && !held;
+        let moving = !smooth && if changed { held || self.wanted.is_some() } else { self.moved.elapsed() < REST };
         let refine = !moving && self.wanted.as_ref().is_some_and(|w| w.moving);
         if changed || refine {
             let stepped = self.wanted.as_ref().is_none_or(|w| !Arc::ptr_eq(&w.key.data, &key.data));
@@ -85,7 +87,7 @@ impl Modeller {
                 mode: key.mode,
                 other: key.other,
                 moving,
-                budget: self.settings.preview_ms,
+                budget: if smooth { f32::MAX } else { self.settings.preview_ms },
                 sections: key.sections,
                 growth: key.growth,
                 tessellation: key.tessellation,
