@@ -3,7 +3,6 @@
 //! The document says which step is to be seen; what is at hand follows as soon as it is read, and until then the step before
 //! stays. Only the newest wish counts. Steps that were seen and those that come next are kept in memory.
 
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -16,7 +15,7 @@ use super::state::Doing;
 use crate::evaluate::load::Data;
 use crate::evaluate::series::Basis;
 use crate::render::Texels;
-use crate::scene::{Edit, VolumeSource};
+use crate::scene::Edit;
 
 /// Bytes of all steps that are kept.
 const BUDGET: usize = 1 << 30;
@@ -26,8 +25,6 @@ const AHEAD: usize = 2;
 /// A step to be read.
 #[derive(Debug, Clone)]
 struct Wish {
-    source: VolumeSource,
-    base: PathBuf,
     basis: Arc<Basis>,
     step: usize,
 }
@@ -160,7 +157,7 @@ fn read(shared: &Shared, wish: &Wish, step: usize) -> Result<Arc<Data>, String> 
     if let Some(data) = lock(&shared.kept).get(&wish.basis, step) {
         return Ok(data);
     }
-    let read = || Data::at_step(&wish.basis, &wish.source, &wish.base, step).map_err(|e| e.to_string());
+    let read = || Data::at_step(&wish.basis, step).map_err(|e| e.to_string());
     // a panic here is our bug, and must not end the thread
     let data = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read))
         .unwrap_or_else(|_| Err(format!("something went wrong inside while step {step} was read")))?;
@@ -226,13 +223,11 @@ impl Modeller {
         }
         self.play(ctx);
         let Some(desk) = &self.desk else { return };
-        let document = desk.history.document();
-        let step = document.step;
+        let step = desk.history.document().step;
         if step == desk.data.step {
             self.player.asked = None;
         } else if self.player.asked != Some(step) {
-            let wish =
-                Wish { source: document.volume.clone(), base: desk.base.clone(), basis: desk.data.basis.clone(), step };
+            let wish = Wish { basis: desk.data.basis.clone(), step };
             self.player.asked = Some(step);
             self.reader.keep(desk.data.clone());
             if let Some(data) = self.reader.want(wish) {

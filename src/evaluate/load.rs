@@ -82,27 +82,33 @@ impl Data {
     /// # Errors
     /// If there is no such step, it is not like the first, and as [`read_source`].
     pub fn read_step(source: &VolumeSource, base: &Path, step: usize) -> Result<Self, EvaluateError> {
-        let steps = series::steps(source, base)?;
+        let (series, name) = (series::files(source, base)?, series::name(source, base));
+        let steps = series.as_ref().map_or(1, io::Series::steps);
         if step >= steps {
-            return Err(series::no_step(source, base, step, steps));
+            return Err(series::no_step(&name, step, steps));
         }
-        let iso = phantom(source).map(|p| p.suggested().iso);
-        let first = Self::first(read_source(source, base)?, iso, steps);
+        let volume = match &series {
+            Some(series) => series.read(0)?,
+            None => read_source(source, base)?,
+        };
+        let first = Self::first(volume, phantom(source).map(|p| p.suggested().iso), series, name);
         if step == 0 {
             return Ok(first);
         }
         // or both would be held at once
         let Self { basis, .. } = first;
-        Self::at_step(&basis, source, base, step)
+        Self::at_step(&basis, step)
     }
 
     /// Reads a step of a series whose first is known.
     ///
     /// # Errors
     /// As [`Data::read_step`].
-    pub fn at_step(basis: &Arc<Basis>, source: &VolumeSource, base: &Path, step: usize) -> Result<Self, EvaluateError> {
-        let volume = series::read_step(source, base, step)?;
-        let volume = Arc::new(basis.fit(&series::file_of(source, base, step), volume)?);
+    pub fn at_step(basis: &Arc<Basis>, step: usize) -> Result<Self, EvaluateError> {
+        let Some(series) = basis.series.as_ref().filter(|series| step < series.steps()) else {
+            return Err(series::no_step(&basis.path, step, basis.steps));
+        };
+        let volume = Arc::new(basis.fit(&series.file(step), series.read(step)?)?);
         let field = Field::from_volume(Arc::clone(&volume));
         let histogram = counted(&volume, &field);
         let Basis { iso, focus, .. } = **basis;
@@ -111,16 +117,19 @@ impl Data {
 
     /// Prepares a volume; the isovalue is found in the histogram where none is given.
     pub fn new(volume: Volume, iso: Option<f64>) -> Self {
-        Self::first(volume, iso, 1)
+        Self::first(volume, iso, None, PathBuf::new())
     }
 
-    fn first(volume: Volume, iso: Option<f64>, steps: usize) -> Self {
+    fn first(volume: Volume, iso: Option<f64>, series: Option<io::Series>, path: PathBuf) -> Self {
         let volume = Arc::new(volume);
         let field = Field::from_volume(Arc::clone(&volume));
         let histogram = counted(&volume, &field);
         let iso = iso.unwrap_or_else(|| threshold(&histogram));
         let focus = focus(&field, iso);
         let basis = Basis {
+            path,
+            steps: series.as_ref().map_or(1, io::Series::steps),
+            series,
             grid: volume.grid,
             scalar: volume.samples.scalar_type(),
             channels: volume.channels,
@@ -128,7 +137,6 @@ impl Data {
             counts: histogram.counts.clone(),
             iso,
             focus,
-            steps,
         };
         Self { volume, field, step: 0, basis: Arc::new(basis), histogram, iso, focus }
     }
@@ -178,7 +186,7 @@ impl Workspace {
                 self.forget_hull();
                 let basis = Arc::clone(&data.basis);
                 drop(data);
-                Arc::new(Data::at_step(&basis, source, &self.base, step)?)
+                Arc::new(Data::at_step(&basis, step)?)
             }
             other => {
                 drop(other);

@@ -15,8 +15,12 @@ use crate::scene::VolumeSource;
 use crate::volume::{Grid, ScalarType, Volume};
 
 /// What all steps of a series have in common, by the first.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Basis {
+    /// The file of the first step, or a name.
+    pub(super) path: PathBuf,
+    /// Where the others are read, if they are in files.
+    pub(super) series: Option<Series>,
     pub grid: Grid,
     pub scalar: ScalarType,
     pub channels: usize,
@@ -66,10 +70,7 @@ impl Basis {
 /// # Errors
 /// If a file cannot be read or its header is not sound.
 pub fn steps(source: &VolumeSource, base: &Path) -> Result<usize, EvaluateError> {
-    match source {
-        VolumeSource::File(path) => Ok(Series::open(&base.join(path))?.steps()),
-        VolumeSource::Embedded(_) | VolumeSource::Phantom { .. } => Ok(1),
-    }
+    Ok(files(source, base)?.map_or(1, |series| series.steps()))
 }
 
 /// Reads one step as it is in the file.
@@ -77,25 +78,29 @@ pub fn steps(source: &VolumeSource, base: &Path) -> Result<usize, EvaluateError>
 /// # Errors
 /// If there is no such step, and as [`read_source`].
 pub fn read_step(source: &VolumeSource, base: &Path, step: usize) -> Result<Volume, EvaluateError> {
-    match source {
-        VolumeSource::File(path) => Ok(Series::open(&base.join(path))?.read(step)?),
-        _ if step == 0 => read_source(source, base),
-        VolumeSource::Embedded(_) | VolumeSource::Phantom { .. } => Err(no_step(source, base, step, 1)),
+    match files(source, base)? {
+        Some(series) => Ok(series.read(step)?),
+        None if step == 0 => read_source(source, base),
+        None => Err(no_step(&name(source, base), step, 1)),
     }
 }
 
-pub(super) fn no_step(source: &VolumeSource, base: &Path, step: usize, steps: usize) -> EvaluateError {
-    IoError::NoStep { path: file_of(source, base, 0), step, steps }.into()
+/// The files of a source, if it is one of files.
+pub(super) fn files(source: &VolumeSource, base: &Path) -> Result<Option<Series>, EvaluateError> {
+    match source {
+        VolumeSource::File(path) => Ok(Some(Series::open(&base.join(path))?)),
+        VolumeSource::Embedded(_) | VolumeSource::Phantom { .. } => Ok(None),
+    }
 }
 
-/// The file that holds a step, to be named in a sentence.
-pub(super) fn file_of(source: &VolumeSource, base: &Path, step: usize) -> PathBuf {
+/// What a source is called in a sentence.
+pub(super) fn name(source: &VolumeSource, base: &Path) -> PathBuf {
     match source {
-        VolumeSource::File(path) => {
-            let path = base.join(path);
-            Series::open(&path).map_or(path, |series| series.file(step))
-        }
-        VolumeSource::Embedded(project) => base.join(project),
+        VolumeSource::File(path) | VolumeSource::Embedded(path) => base.join(path),
         VolumeSource::Phantom { name, .. } => PathBuf::from(format!("phantom:{name}")),
     }
+}
+
+pub(super) fn no_step(path: &Path, step: usize, steps: usize) -> EvaluateError {
+    IoError::NoStep { path: path.to_owned(), step, steps }.into()
 }

@@ -8,10 +8,10 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
+use flate2::bufread::ZlibDecoder;
 
 use super::IoError;
-use super::steps::{Runs, Steps, pass};
+use super::steps::{Runs, Steps, Stream, pass};
 use crate::volume::{Grid, Rescale, Samples, Scalar, ScalarType, Volume};
 use crate::with_samples;
 
@@ -117,15 +117,16 @@ pub(super) struct Plan {
 impl Plan {
     /// Reads the samples, of a series those of its first step.
     pub fn load(self) -> Result<Volume, IoError> {
-        self.load_step(0)
+        self.load_step(0, &mut None)
     }
 
-    /// Reads the samples of one step; those of others are passed over.
-    pub fn load_step(self, step: usize) -> Result<Volume, IoError> {
+    /// Reads the samples of one step; those of others are passed over. Compressed data go on where `stream` stands, if it
+    /// stands before the step.
+    pub fn load_step(self, step: usize, stream: &mut Option<Stream>) -> Result<Volume, IoError> {
         if step >= self.steps.count {
             return Err(IoError::NoStep { path: self.block.path, step, steps: self.steps.count });
         }
-        let samples = self.block.read(self.grid.len() * self.channels, self.steps, step)?;
+        let samples = self.block.read(self.grid.len() * self.channels, self.steps, step, stream)?;
         let samples = if self.channels > 1 && self.channel_stride > 1 {
             with_samples!(&samples, v => Scalar::wrap(interleave(v, self.channels, self.channel_stride)))
         } else {
@@ -237,7 +238,7 @@ impl From<io::Error> for Fault {
 
 impl Block {
     /// Reads the `count` samples of one step. A series that is cut off is read as far as whole steps reach.
-    fn read(&self, count: usize, steps: Steps, step: usize) -> Result<Samples, IoError> {
+    fn read(&self, count: usize, steps: Steps, step: usize, stream: &mut Option<Stream>) -> Result<Samples, IoError> {
         let path = self.path.as_path();
         let (mut file, len) = open(path)?;
         let bytes = self.scalar.bytes() as u64;
@@ -321,12 +322,18 @@ impl Block {
                 let mut reader = BufReader::with_capacity(1 << 18, file);
                 let gzip = self.coding == Coding::Gzip || reader.fill_buf().map_err(fail)?.starts_with(&[0x1f, 0x8b]);
                 let samples = if gzip {
-                    let mut decoder = MultiGzDecoder::new(reader);
-                    self.inflate(&mut decoder, &piece).map_err(fault)?
+                    let begin = self.skip.saturating_add(before);
+                    let mut from = stream.take().filter(|s| s.at <= begin).unwrap_or_else(|| Stream::new(reader));
+                    let samples = self.inflate(&mut from.source, from.at, &piece).map_err(fault)?;
+                    if piece.run.is_none() && !piece.ends() {
+                        from.at = begin + expected;
+                        *stream = Some(from);
+                    }
+                    samples
                 } else {
-                    let mut decoder = ZlibDecoder::new(reader);
-                    let samples = self.inflate(&mut decoder, &piece).map_err(fault)?;
-                    if piece.ends() && !decoder.into_inner().fill_buf().map_err(fail)?.is_empty() {
+                    let mut decoder = BufReader::new(ZlibDecoder::new(reader));
+                    let samples = self.inflate(&mut decoder, 0, &piece).map_err(fault)?;
+                    if piece.ends() && !decoder.into_inner().into_inner().fill_buf().map_err(fail)?.is_empty() {
                         return Err(IoError::malformed(
                             path,
                             "goes on after the end of its compressed data; the file must end there",
@@ -353,8 +360,8 @@ impl Block {
                     .map_err(|what| IoError::malformed(path, what))
             }
             Coding::Hex => {
-                let mut digits = HexReader { inner: BufReader::with_capacity(1 << 18, file) };
-                self.inflate(&mut digits, &piece).map(|s| self.native(s)).map_err(|f| match f {
+                let digits = HexReader { inner: BufReader::with_capacity(1 << 18, file) };
+                self.inflate(&mut BufReader::new(digits), 0, &piece).map(|s| self.native(s)).map_err(|f| match f {
                     Fault::Damaged(e) if e.kind() == io::ErrorKind::InvalidData => IoError::malformed(
                         path,
                         "has characters in its hexadecimal data that are not in pairs of digits 0-9, a-f",
@@ -365,12 +372,12 @@ impl Block {
         }
     }
 
-    fn inflate(&self, source: &mut dyn Read, piece: &Piece) -> Result<Samples, Fault> {
-        let mut source = BufReader::with_capacity(1 << 16, source);
-        let over = self.skip.saturating_add(piece.before);
-        let passed = pass(&mut source, over)?;
+    /// Reads a piece of decoded data, of which `at` bytes were read before.
+    fn inflate(&self, mut source: &mut dyn BufRead, at: u64, piece: &Piece) -> Result<Samples, Fault> {
+        let over = self.skip.saturating_add(piece.before) - at;
+        let passed = pass(source, over)?;
         if passed < over {
-            return Err(Fault::Short(passed.saturating_sub(self.skip)));
+            return Err(Fault::Short((at + passed).saturating_sub(self.skip)));
         }
         let mut runs;
         let mut source: &mut dyn Read = match piece.run {

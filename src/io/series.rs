@@ -1,5 +1,7 @@
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
+use super::steps::Stream;
 use super::store::ends_with;
 use super::tets::extension;
 use super::volume::{plan, read_volume};
@@ -15,12 +17,14 @@ const MOST: usize = 100_000;
 /// other: `NAME_007.EXT` is step 0 of a series that goes on with `NAME_008.EXT` until a number is missing. The number ends the
 /// name; before it stands `_`, `-`, `.` or nothing, or it has 3 digits at least. A volume without any of this is a series of
 /// one step.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug)]
 pub struct Series {
     path: PathBuf,
     steps: usize,
     /// How the files are called, if they are several.
     numbered: Option<Numbered>,
+    /// Behind the step that was read last, where that saves time.
+    stream: Mutex<Option<Stream>>,
 }
 
 impl Series {
@@ -34,15 +38,16 @@ impl Series {
             Some("vti" | "vtk") => bytes::open(path).map(|_| 1)?,
             _ => plan(path)?.steps.count,
         };
+        let new = |steps, numbered| Self { path: path.to_owned(), steps, numbered, stream: Mutex::default() };
         if inside == 1
             && let Some(numbered) = Numbered::of(path)
         {
             let more = (1..MOST).take_while(|step| numbered.path(path, *step).is_some_and(|p| p.is_file())).count();
             if more > 0 {
-                return Ok(Self { path: path.to_owned(), steps: more + 1, numbered: Some(numbered) });
+                return Ok(new(more + 1, Some(numbered)));
             }
         }
-        Ok(Self { path: path.to_owned(), steps: inside, numbered: None })
+        Ok(new(inside, None))
     }
 
     /// At least 1.
@@ -60,7 +65,8 @@ impl Series {
         self.numbered.as_ref().and_then(|n| n.path(&self.path, step)).unwrap_or_else(|| self.path.clone())
     }
 
-    /// Reads one step. What lies before it in a file is passed over, without being held in memory.
+    /// Reads one step. What lies before it in a file is passed over, without being held in memory; of compressed data only
+    /// from the step that was read last, if it was an earlier one.
     ///
     /// # Errors
     /// If there is no such step, or its file cannot be read, is not sound, or holds what a [`Volume`] cannot.
@@ -70,7 +76,11 @@ impl Series {
         }
         match (&self.numbered, self.steps) {
             (Some(_), _) | (None, 1) => read_volume(&self.file(step)),
-            _ => plan(&self.path)?.load_step(step),
+            // another thread that reads at the same time begins anew
+            _ => match self.stream.try_lock() {
+                Ok(mut stream) => plan(&self.path)?.load_step(step, &mut stream),
+                Err(_) => plan(&self.path)?.load_step(step, &mut None),
+            },
         }
     }
 }

@@ -1,6 +1,9 @@
 //! Where the samples of one step of a series lie among those of all steps.
 
-use std::io::{self, BufRead, Read};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+
+use flate2::bufread::MultiGzDecoder;
 
 /// The steps of a series inside one block of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,6 +21,21 @@ impl Steps {
     /// Whether sample `at` of all belongs to a step of `count` samples.
     pub fn holds(&self, step: usize, count: usize, at: usize) -> bool {
         at / self.run.unwrap_or(count).max(1) % self.count == step
+    }
+}
+
+/// Compressed data that were read up to the end of a step: a later one need not pass over all of them again.
+#[derive(Debug)]
+pub(super) struct Stream {
+    pub source: BufReader<MultiGzDecoder<BufReader<File>>>,
+    /// Decoded bytes that were read.
+    pub at: u64,
+}
+
+impl Stream {
+    /// From the beginning.
+    pub fn new(file: BufReader<File>) -> Self {
+        Self { source: BufReader::with_capacity(1 << 16, MultiGzDecoder::new(file)), at: 0 }
     }
 }
 
@@ -65,7 +83,7 @@ impl<R: BufRead> Read for Runs<R> {
 }
 
 /// Passes over so many bytes, or as many as there are; says how many.
-pub(super) fn pass(source: &mut impl BufRead, count: u64) -> io::Result<u64> {
+pub(super) fn pass(source: &mut (impl BufRead + ?Sized), count: u64) -> io::Result<u64> {
     let mut left = count;
     while left > 0 {
         let there = match source.fill_buf() {

@@ -25,7 +25,12 @@ fn steps(f: &Folder, name: &str, content: &[u8]) -> Vec<Samples> {
     let past = series.read(series.steps()).unwrap_err();
     check_sentence(&past, f.0.path());
     assert!(matches!(past, IoError::NoStep { .. }), "{past}");
-    (0..series.steps()).map(|t| series.read(t).unwrap().samples).collect()
+    let all: Vec<Samples> = (0..series.steps()).map(|t| series.read(t).unwrap().samples).collect();
+    // in any order: forth over some, back, the same again
+    for t in [0, 2, 3, 1, 1, 0].into_iter().filter(|t| *t < all.len()) {
+        assert_eq!(series.read(t).unwrap().samples, all[t], "step {t} of {name}");
+    }
+    all
 }
 
 #[test]
