@@ -52,7 +52,7 @@ impl Modeller {
         let Some(desk) = &self.desk else { return };
         let dark = ctx.theme() == egui::Theme::Dark;
         let key = Key {
-            document: desk.shown().clone(),
+            document: desk.at_hand(),
             size: self.size,
             mode: self.view.mode,
             other: self.view.compare.then_some(self.view.other),
@@ -73,10 +73,13 @@ impl Modeller {
         }
         // what is held still for a moment is worth a better picture, even with the button down
         let held = ctx.input(|i| i.pointer.any_down());
-        let moving = if changed { held || self.wanted.is_some() } else { self.moved.elapsed() < REST };
+        // what stands for a smooth surface while something moves would only flicker between its steps
+        let smooth = self.player.playing && key.mode == Mode::Spline && !held;
+        let moving = !smooth && if changed { held || self.wanted.is_some() } else { self.moved.elapsed() < REST };
         let refine = !moving && self.wanted.as_ref().is_some_and(|w| w.moving);
         if changed || refine {
-            self.worker.want(Want {
+            let stepped = self.wanted.as_ref().is_none_or(|w| !Arc::ptr_eq(&w.key.data, &key.data));
+            let generation = self.worker.want(Want {
                 data: key.data.clone(),
                 base: desk.base.clone(),
                 document: key.document.clone(),
@@ -84,7 +87,7 @@ impl Modeller {
                 mode: key.mode,
                 other: key.other,
                 moving,
-                budget: self.settings.preview_ms,
+                budget: if smooth { f32::MAX } else { self.settings.preview_ms },
                 sections: key.sections,
                 growth: key.growth,
                 tessellation: key.tessellation,
@@ -92,6 +95,9 @@ impl Modeller {
                 heat: key.heat,
                 ground: theme::view_ground(dark),
             });
+            if stepped {
+                self.player.picture = generation;
+            }
             self.wanted = Some(Wanted { key, moving });
         }
         if moving {

@@ -15,6 +15,7 @@ pub struct Desk {
     pub path: Option<PathBuf>,
     /// Folder that relative paths start from.
     pub base: PathBuf,
+    /// Of a series the step that was read last.
     pub data: Arc<Data>,
     /// The newest that the worker made, and the document it is of.
     pub object: Option<(Arc<Document>, Arc<Object>)>,
@@ -30,6 +31,12 @@ impl Desk {
     /// What is to be seen.
     pub fn shown(&self) -> &Arc<Document> {
         self.preview.as_ref().unwrap_or(self.history.document())
+    }
+
+    /// The same of the step that is at hand: another one may still be on its way.
+    pub fn at_hand(&self) -> Arc<Document> {
+        let (document, step) = (self.shown(), self.data.step);
+        if document.step == step { document.clone() } else { Arc::new(Document { step, ..(**document).clone() }) }
     }
 
     pub fn title(&self) -> String {

@@ -32,6 +32,8 @@ pub const MAP: &[(&str, &str, &str)] = &[
     ("View", "Tab", "texture cube"),
     ("View", "M", "slices along the axes"),
     ("View", "H", "overlays"),
+    ("View", "Space", "play the steps of a series, or pause"),
+    ("View", "Left, Right", "the step before, the next"),
     ("View", "F12", "times of the window's steps"),
     ("Work", "Ctrl Z, Ctrl Shift Z", "undo, redo"),
     ("Work", "Ctrl N O S, Ctrl Shift S", "new, open, save, save as"),
@@ -180,6 +182,18 @@ pub fn handle(m: &mut Modeller, ctx: &egui::Context) {
         m.view.cube = !m.view.cube;
         // it is not for the next widget; where one has the focus already, this is not reached
         m.tabbed = true;
+    }
+    // with the focus on a widget they are for it
+    if m.steps() > 1 && ctx.memory(|memory| memory.focused().is_none()) {
+        if pressed(Key::Space) {
+            m.player.playing = !m.player.playing;
+        }
+        for (key, by) in [(Key::ArrowLeft, -1), (Key::ArrowRight, 1)] {
+            if pressed(key) {
+                m.player.playing = false;
+                m.move_step(by);
+            }
+        }
     }
     if pressed(Key::M) {
         panels::toggle(&mut m.tree, Pane::Slices);

@@ -5,7 +5,7 @@
 //! The window holds no geometry. It turns what the user does into [`Edit`](crate::scene::Edit)s of a small document with a
 //! [`History`](crate::scene::History), asks the [`worker`] for pictures of it, and shows what comes: coarse while the
 //! hand moves, finer when it rests. Only the newest wish counts; answers carry a generation. Long work is a [task](tasks)
-//! with a line in the status bar. So a pass of the interface never waits: for the device, the disk or a lock that is held
+//! with a line in the status bar; the steps of a series in time come from a reader of their own. So a pass of the interface never waits: for the device, the disk or a lock that is held
 //! long.
 //!
 //! # Practice
@@ -34,9 +34,11 @@ mod questions;
 pub mod recovery;
 pub mod sculpt;
 pub mod settings;
+pub mod shown;
 mod slices;
 mod soften;
 mod state;
+mod steps;
 pub mod tasks;
 mod theme;
 pub mod trace;

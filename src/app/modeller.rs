@@ -13,11 +13,13 @@ use super::panels::{self, Pane, PanelState};
 use super::recovery::{self, Aside, Recovery};
 use super::sculpt::{Hand, Tool};
 use super::settings::{Home, Settings, ThemeChoice};
+use super::shown::{Sections, Shown};
 use super::state::{After, Doing, FIRST, Notice, Question, Start, Textures, ViewState};
+use super::steps::{Player, Reader};
 use super::tasks::{self, Purpose, Task};
 use super::trace::Trace;
 use super::turntable::Turntable;
-use super::worker::{Sections, Shown, Worker};
+use super::worker::Worker;
 use super::{theme, view};
 use crate::evaluate::picture::{Backend, Refinement, ViewOptions};
 use crate::scene::{Document, Edit};
@@ -41,6 +43,8 @@ pub struct Modeller {
     /// Of a pen, 0 to 1; 1 of a mouse.
     pub pressure: f32,
     pub panels: PanelState,
+    pub player: Player,
+    pub(super) reader: Reader,
     pub(super) tree: egui_tiles::Tree<Pane>,
     pub(super) textures: Textures,
     pub(super) lost: Vec<(PathBuf, Aside)>,
@@ -91,6 +95,8 @@ impl Modeller {
             measure: Vec::new(),
             pressure: 1.0,
             panels: PanelState::default(),
+            player: Player::default(),
+            reader: Reader::new(ctx),
             tree: panels::tree(),
             textures: Textures::default(),
             lost,
@@ -135,6 +141,8 @@ impl Modeller {
 
     pub fn undo(&mut self) {
         self.cancel_stroke();
+        // it would go on with new steps of the history
+        self.player.playing = false;
         if let Some(desk) = &mut self.desk
             && !desk.history.undo()
         {
@@ -144,6 +152,7 @@ impl Modeller {
 
     pub fn redo(&mut self) {
         self.cancel_stroke();
+        self.player.playing = false;
         if let Some(desk) = &mut self.desk
             && !desk.history.redo()
         {

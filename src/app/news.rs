@@ -11,6 +11,7 @@ use super::modeller::Modeller;
 use super::panels::PanelState;
 use super::sculpt::Hand;
 use super::state::{After, Notice, Question};
+use super::steps::Player;
 use super::tasks::{Loaded, Outcome, Purpose};
 use super::worker::News;
 use crate::scene::{Edit, History, VolumeSource};
@@ -178,6 +179,7 @@ impl Modeller {
         self.measure.clear();
         self.sections = None;
         self.panels = PanelState::default();
+        self.player = Player::default();
         self.desk = Some(Desk { history, path, base, data, object: None, preview: None, mask: None, joint: None });
         for w in warnings {
             self.tell(w, false);

@@ -50,6 +50,7 @@ impl Modeller {
         if self.show_trace {
             menu::trace(self, &ctx);
         }
+        self.follow_step(&ctx);
         self.ask_mask(&ctx);
         self.ask(&ctx);
         self.put_aside(&ctx);

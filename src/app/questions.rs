@@ -51,6 +51,9 @@ pub fn show(m: &mut Modeller, ctx: &egui::Context) {
                 let entered = path_field(ui, "Path", &mut word);
                 ui.checkbox(&mut embed, "Put the volume into the file")
                     .on_hover_text("Otherwise the project refers to the volume's file");
+                if embed && m.steps() > 1 {
+                    ui.label(RichText::new("Of the series, the step that is shown: a volume of its own").weak());
+                }
                 buttons(ui, |ui| {
                     let save = ui.button("Save").clicked() || entered;
                     let cancel = ui.button("Cancel").clicked();

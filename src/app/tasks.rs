@@ -204,9 +204,19 @@ pub fn recover(ctx: &egui::Context, file: PathBuf, aside: super::recovery::Aside
     })
 }
 
-fn read(document: Document, base: PathBuf) -> Result<Loaded, String> {
-    let data = Data::read(&document.volume, &base).map_err(|e| e.to_string())?;
-    Ok(Loaded { path: None, base, document, data: Arc::new(data), warnings: Vec::new(), aside: None })
+fn read(mut document: Document, base: PathBuf) -> Result<Loaded, String> {
+    let mut warnings = Vec::new();
+    let data = match Data::read_step(&document.volume, &base, document.step) {
+        // the series has become shorter: the rest of the document is worth opening
+        Err(e @ EvaluateError::Io(io::IoError::NoStep { .. })) => {
+            warnings.push(format!("{e}; step 0 is shown instead"));
+            document.step = 0;
+            Data::read(&document.volume, &base)
+        }
+        read => read,
+    };
+    let data = Arc::new(data.map_err(|e| e.to_string())?);
+    Ok(Loaded { path: None, base, document, data, warnings, aside: None })
 }
 
 /// Writes the project. Files below the project's folder are kept by relative paths.
@@ -226,6 +236,10 @@ pub fn save(
         relocate(&mut stored, &base, &folder);
         // samples that came out of a project go into the next one
         let embed = embed || matches!(document.volume, VolumeSource::Embedded(_));
+        // another step may have been on its way
+        let data = Workspace::with_data(&base, document.volume.clone(), data)
+            .data(&document.volume, document.step)
+            .map_err(|e| e.to_string())?;
         let kept = Kept {
             checksum: Some(data.volume.checksum()),
             thumbnail: thumbnail.as_deref(),

@@ -6,12 +6,15 @@ use anyhow::{Result, bail};
 use serde_json::json;
 
 use super::Answer;
-use crate::evaluate::load;
+use crate::evaluate::{load, series};
 use crate::io::{self, FileKind};
+use crate::scene::VolumeSource;
 
 /// Convert a volume, a surface or a tetrahedral mesh to another format of its kind, by the file name's ending.
 ///
 /// Example: voxclay convert scan.nii.gz scan.nrrd
+///
+/// One step of a series in time: voxclay convert heart.nii.gz --step 7 heart_007.nrrd
 #[derive(clap::Args)]
 pub struct Args {
     /// A volume, phantom:NAME[:SIZE], a surface or a tetrahedral mesh.
@@ -20,6 +23,9 @@ pub struct Args {
     /// The file to write: .nrrd .nhdr .nii .nii.gz .mha .mhd .raw, or .obj .stl .ply .glb, or .vtu .vtk .msh .mesh .node .ele.
     #[arg(value_name = "OUT")]
     output: PathBuf,
+    /// Which step of a series in time, counted from 0 (default: the first).
+    #[arg(long, value_name = "N")]
+    step: Option<usize>,
 }
 
 pub fn run(args: &Args) -> Result<Answer> {
@@ -46,6 +52,9 @@ pub fn run(args: &Args) -> Result<Answer> {
             kind_name(to)
         );
     }
+    if args.step.is_some() && from != FileKind::Volume {
+        bail!("{} is {}; --step goes with volumes only", args.input.display(), kind_name(from));
+    }
     let what = match from {
         FileKind::Surface => {
             let mesh = io::read_surface(&args.input)?;
@@ -67,7 +76,20 @@ pub fn run(args: &Args) -> Result<Answer> {
             format!("{} nodes, {} tetrahedra", mesh.points.len(), mesh.tets.len())
         }
         FileKind::Volume => {
-            let volume = load::read_source(&load::parse_source(&word)?, Path::new("."))?;
+            let source = load::parse_source(&word)?;
+            let volume = series::read_step(&source, Path::new("."), args.step.unwrap_or(0))?;
+            if args.step.is_none()
+                && let VolumeSource::File(path) = &source
+                && let series = io::Series::open(path)?
+                && series.is_one_file()
+                && series.steps() > 1
+            {
+                eprintln!(
+                    "voxclay: {}: of its {} steps in time the first is written; --step N takes another",
+                    path.display(),
+                    series.steps()
+                );
+            }
             io::write_volume(&args.output, &volume, &io::WriteOptions::default())?;
             let [x, y, z] = volume.grid.dims;
             format!("{x} x {y} x {z} {}", volume.samples.scalar_type().name())

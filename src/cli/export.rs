@@ -81,6 +81,9 @@ pub struct Args {
     /// Value where there is nothing (default: the volume's smallest).
     #[arg(long, value_name = "V", allow_negative_numbers = true)]
     outside: Option<f64>,
+    /// Which step of a series in time, counted from 0 (default: the project's, or the first).
+    #[arg(long, value_name = "N")]
+    step: Option<usize>,
     /// The mesh that gives the shape: a file, `box`, `auto` or `auto:VALUE`.
     #[arg(long, value_name = "M")]
     mesh: Option<String>,
@@ -110,6 +113,7 @@ pub fn run(args: &Args) -> Result<Answer> {
     if let Some(word) = &args.mesh {
         document.proxy = parse_proxy(word)?;
     }
+    document.step = args.step.unwrap_or(document.step);
     let object = load::load(&document, &base)?;
     for warning in &object.warnings {
         eprintln!("voxclay: {warning}");

@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use serde_json::{Value, json};
 
 use super::Answer;
-use crate::evaluate::load;
+use crate::evaluate::{load, series};
 use crate::io::{self, FileKind};
 use crate::mesh::check::MeshReport;
 use crate::mesh::tet_report::TetReport;
@@ -43,8 +43,9 @@ fn facts(file: &Path) -> Result<(Value, String)> {
     let kind = if word.starts_with("phantom:") { Some(FileKind::Volume) } else { io::kind_of(file)? };
     match kind {
         Some(FileKind::Volume) => {
-            let volume = load::read_source(&load::parse_source(&word)?, Path::new("."))?;
-            Ok(volume_facts(file, &volume))
+            let source = load::parse_source(&word)?;
+            let volume = load::read_source(&source, Path::new("."))?;
+            Ok(volume_facts(file, &volume, series::steps(&source, Path::new("."))?))
         }
         Some(FileKind::Surface) => Ok(mesh_facts(file, &MeshReport::of(&io::read_surface_as_stored(file)?))),
         Some(FileKind::Tets) => Ok(tet_facts(file, &io::read_tets(file)?)),
@@ -55,7 +56,8 @@ fn facts(file: &Path) -> Result<(Value, String)> {
     }
 }
 
-fn volume_facts(file: &Path, volume: &Volume) -> (Value, String) {
+/// Of a series the facts are those of its first step.
+fn volume_facts(file: &Path, volume: &Volume, steps: usize) -> (Value, String) {
     let stats = statistics(volume);
     let grid = &volume.grid;
     let rows = grid.direction().transpose();
@@ -72,6 +74,7 @@ fn volume_facts(file: &Path, volume: &Volume) -> (Value, String) {
         "dims": grid.dims,
         "type": volume.samples.scalar_type().name(),
         "channels": volume.channels,
+        "steps": steps,
         "spacing": spacing,
         "origin": origin,
         "direction": direction,
@@ -99,6 +102,9 @@ fn volume_facts(file: &Path, volume: &Volume) -> (Value, String) {
         stats.max,
         stats.mean,
     );
+    if steps > 1 {
+        let _ = writeln!(text, "  steps      {steps} in time, 0 to {}; values are those of step 0", steps - 1);
+    }
     for (i, r) in direction.iter().enumerate() {
         let _ = writeln!(
             text,

@@ -1,17 +1,21 @@
 //! `voxclay render`: a picture of a project or volume.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use serde_json::json;
 
 use super::Answer;
 use super::view::ViewArgs;
-use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, SmoothLook};
-use crate::evaluate::{load, open};
+use crate::evaluate::load::Workspace;
+use crate::evaluate::picture::{Mode, PictureReport, Refinement, Renderer, SmoothLook, ViewOptions};
+use crate::evaluate::{open, series};
 use crate::gpu::Coefficients;
 use crate::io;
 use crate::mesh::tet_map::MapReport;
+use crate::render::Picture;
+use crate::scene::Document;
 use crate::spline::paint::{Curvature, Shell};
 
 /// Draw a project or a volume into a PNG file.
@@ -21,6 +25,8 @@ use crate::spline::paint::{Curvature, Shell};
 /// Through tetrahedra: voxclay render sculpt.voxclay --mode tets -o sculpt.png
 ///
 /// A smooth iso-surface: voxclay render sculpt.voxclay --mode spline --iso 0.3 -o sculpt.png
+///
+/// Every step of a series in time: voxclay render heart.nii.gz --step all -o heart_###.png
 #[derive(clap::Args)]
 pub struct Args {
     /// A project (.voxclay), a volume file, or phantom:NAME[:SIZE].
@@ -28,6 +34,9 @@ pub struct Args {
     file: String,
     #[command(flatten)]
     view: ViewArgs,
+    /// Which step of a series in time, counted from 0, or `all` of them (default: the project's, or the first).
+    #[arg(long, value_name = "N|all", value_parser = parse_steps)]
+    step: Option<Steps>,
     /// Of --mode spline: red where the surface bulges (gaussian: where it is a dome or a cup), blue where it is hollow (a
     /// saddle).
     #[arg(long, value_enum, value_name = "KIND")]
@@ -54,7 +63,7 @@ pub struct Args {
     /// for).
     #[arg(long, value_enum, value_name = "WAY")]
     coefficients: Option<CoefficientsArg>,
-    /// The picture.
+    /// The picture; with --step all a name with `#` where the number of the step goes, such as heart_###.png.
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
 }
@@ -91,6 +100,20 @@ impl From<CoefficientsArg> for Coefficients {
             CoefficientsArg::Fly => Self::OnTheFly,
         }
     }
+}
+
+/// Steps of a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Steps {
+    One(usize),
+    All,
+}
+
+fn parse_steps(word: &str) -> Result<Steps, String> {
+    if word == "all" {
+        return Ok(Steps::All);
+    }
+    word.parse().map(Steps::One).map_err(|_| format!("'{word}' is no step; expected a number from 0 on, or all"))
 }
 
 impl Args {
@@ -151,24 +174,19 @@ pub fn run(args: &Args) -> Result<Answer> {
     if args.coefficients.is_some() && options.mode != Mode::Spline {
         bail!("--coefficients goes with --mode spline only");
     }
-    let object = load::load(&document, &base)?;
-    for warning in &object.warnings {
-        eprintln!("voxclay: {warning}");
-    }
-    let look = document.look.look(object.iso);
-    let camera = object.camera(&document.camera);
     let mut renderer = Renderer::new(options.backend)?;
     if args.coefficients.is_some() && !renderer.on_gpu() {
         bail!("--coefficients says what the GPU stores, and the CPU would draw: use --backend gpu");
     }
     renderer.set_coefficients(args.coefficients.map(Coefficients::from));
     renderer.set_smooth_look(smooth_look);
-    let (picture, report) = renderer.picture(&object, &camera, &look, &options)?;
-    for warning in &report.warnings {
-        eprintln!("voxclay: {warning}");
+    let mut work = Work { workspace: Workspace::new(&base), renderer, options };
+    match args.step {
+        Some(Steps::All) => return all_steps(&mut work, document, &base, &args.output),
+        Some(Steps::One(step)) => document.step = step,
+        None => {}
     }
-    let png = picture.png()?;
-    io::write_atomic(&args.output, |w| std::io::Write::write_all(w, &png))?;
+    let (picture, report) = work.draw(&document, &args.output)?;
     let mut text = format!(
         "{}: {}x{}, {} slices, {} triangles, {:.0} ms on {}\n",
         args.output.display(),
@@ -180,7 +198,7 @@ pub fn run(args: &Args) -> Result<Answer> {
         report.device,
     );
     if let Some(t) = &report.tets {
-        if let Refinement::Tolerance(tolerance) = options.refinement
+        if let Refinement::Tolerance(tolerance) = work.options.refinement
             && !t.lattice.converged
         {
             eprintln!("voxclay: {}", unconverged(&t.lattice, tolerance));
@@ -202,6 +220,59 @@ pub fn run(args: &Args) -> Result<Answer> {
         ));
     }
     Ok(Answer { json: report_json(&report), text })
+}
+
+/// What pictures of several steps share.
+struct Work {
+    workspace: Workspace,
+    renderer: Renderer,
+    options: ViewOptions,
+}
+
+impl Work {
+    fn draw(&mut self, document: &Document, output: &Path) -> Result<(Picture, PictureReport)> {
+        let object = self.workspace.object(document)?;
+        for warning in &object.warnings {
+            eprintln!("voxclay: {warning}");
+        }
+        let look = document.look.look(object.iso);
+        let camera = object.camera(&document.camera);
+        let (picture, report) = self.renderer.picture(&object, &camera, &look, &self.options)?;
+        for warning in &report.warnings {
+            eprintln!("voxclay: {warning}");
+        }
+        let png = picture.png()?;
+        io::write_atomic(output, |w| std::io::Write::write_all(w, &png))?;
+        Ok((picture, report))
+    }
+}
+
+/// A picture of every step.
+fn all_steps(work: &mut Work, mut document: Document, base: &Path, output: &Path) -> Result<Answer> {
+    let started = Instant::now();
+    let steps = series::steps(&document.volume, base)?;
+    let files: Vec<PathBuf> =
+        (0..steps).map(|step| numbered(output, step)).collect::<Option<_>>().with_context(|| {
+            format!("{}: --step all needs a name with # where the number goes, such as step_###.png", output.display())
+        })?;
+    for (step, file) in files.iter().enumerate() {
+        document.step = step;
+        work.draw(&document, file)?;
+    }
+    let ms = started.elapsed().as_secs_f64() * 1e3;
+    Ok(Answer {
+        json: json!({ "files": files, "steps": steps, "ms": { "total": ms } }),
+        text: format!("{}: {steps} pictures, {ms:.0} ms\n", output.display()),
+    })
+}
+
+/// The name with the last `###` in it exchanged for a number of as many digits at least.
+fn numbered(path: &Path, number: usize) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let end = name.rfind('#')? + 1;
+    let start = name[..end].trim_end_matches('#').len();
+    let width = end - start;
+    Some(path.with_file_name(format!("{}{number:0width$}{}", &name[..start], &name[end..])))
 }
 
 /// The JSON keys of the contract.

@@ -44,6 +44,9 @@ pub struct Args {
     /// samples, else 0).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=16))]
     corrections: Option<u32>,
+    /// Which step of a series in time, counted from 0 (default: the project's, or the first).
+    #[arg(long, value_name = "N")]
+    step: Option<usize>,
     /// The mesh that gives the shape: a file, `box`, `auto` or `auto:VALUE`.
     #[arg(long, value_name = "M")]
     mesh: Option<String>,
@@ -66,6 +69,7 @@ pub fn run(args: &Args) -> Result<Answer> {
     if let Some(word) = &args.mesh {
         document.proxy = parse_proxy(word)?;
     }
+    document.step = args.step.unwrap_or(document.step);
     let object = load::load(&document, &base)?;
     for warning in &object.warnings {
         eprintln!("voxclay: {warning}");

@@ -29,6 +29,8 @@ pub enum EvaluateError {
     Compare(#[from] crate::compare::CompareError),
     #[error(transparent)]
     Picture(#[from] crate::render::PictureError),
+    #[error("{}: {what}; all steps of a series must have the same size, place and type", path.display())]
+    StepDiffers { path: PathBuf, what: String },
     #[error("there is no phantom named '{0}'; there are: {names}", names = phantom_names())]
     NoSuchPhantom(String),
     #[error("a phantom of {0} voxels along its longest side cannot be made; 1 to 2048 can")]

@@ -18,6 +18,7 @@ use crate::volume::transfer::TransferFunction;
 use crate::volume::{Grid, Scalar, Volume};
 
 use super::EvaluateError;
+use super::series::{self, Basis};
 use crate::with_samples;
 
 const HISTOGRAM_BINS: usize = 256;
@@ -49,12 +50,16 @@ pub struct Object {
     pub warnings: Vec<String>,
 }
 
-/// What depends on nothing but the volume.
+/// What depends on nothing but the volume, of a series one step.
 #[derive(Debug, Clone)]
 pub struct Data {
     pub volume: Arc<Volume>,
     /// The samples as renderers read them.
     pub field: Field,
+    /// Which step it is.
+    pub step: usize,
+    /// What it has in common with all steps: the scale that values are shown on.
+    pub basis: Arc<Basis>,
     /// Of the channel that carries the opacity: the only one, or the last.
     pub histogram: Histogram,
     /// A real value that separates object from surroundings.
@@ -64,24 +69,82 @@ pub struct Data {
 }
 
 impl Data {
-    /// Reads or makes a volume and prepares it.
+    /// Reads or makes a volume, of a series its first step, and prepares it.
     ///
     /// # Errors
     /// As [`read_source`].
     pub fn read(source: &VolumeSource, base: &Path) -> Result<Self, EvaluateError> {
-        Ok(Self::new(read_source(source, base)?, phantom(source).map(|p| p.suggested().iso)))
+        Self::read_step(source, base, 0)
+    }
+
+    /// Reads a step of a series, and before it the first one, on whose scale it is shown.
+    ///
+    /// # Errors
+    /// If there is no such step, it is not like the first, and as [`read_source`].
+    pub fn read_step(source: &VolumeSource, base: &Path, step: usize) -> Result<Self, EvaluateError> {
+        let (series, name) = (series::files(source, base)?, series::name(source, base));
+        let steps = series.as_ref().map_or(1, io::Series::steps);
+        if step >= steps {
+            return Err(series::no_step(&name, step, steps));
+        }
+        let volume = match &series {
+            Some(series) => series.read(0)?,
+            None => read_source(source, base)?,
+        };
+        let first = Self::first(volume, phantom(source).map(|p| p.suggested().iso), series, name);
+        if step == 0 {
+            return Ok(first);
+        }
+        // or both would be held at once
+        let Self { basis, .. } = first;
+        Self::at_step(&basis, step)
+    }
+
+    /// Reads a step of a series whose first is known.
+    ///
+    /// # Errors
+    /// As [`Data::read_step`].
+    pub fn at_step(basis: &Arc<Basis>, step: usize) -> Result<Self, EvaluateError> {
+        let Some(series) = basis.series.as_ref().filter(|series| step < series.steps()) else {
+            return Err(series::no_step(&basis.path, step, basis.steps));
+        };
+        let volume = Arc::new(basis.fit(&series.file(step), series.read(step)?)?);
+        let field = Field::from_volume(Arc::clone(&volume));
+        let histogram = counted(&volume, &field);
+        let Basis { iso, focus, .. } = **basis;
+        Ok(Self { volume, field, step, basis: Arc::clone(basis), histogram, iso, focus })
     }
 
     /// Prepares a volume; the isovalue is found in the histogram where none is given.
     pub fn new(volume: Volume, iso: Option<f64>) -> Self {
+        Self::first(volume, iso, None, PathBuf::new())
+    }
+
+    fn first(volume: Volume, iso: Option<f64>, series: Option<io::Series>, path: PathBuf) -> Self {
         let volume = Arc::new(volume);
         let field = Field::from_volume(Arc::clone(&volume));
-        let [lo, hi] = field.range;
-        let histogram = histogram(&volume, volume.channels - 1, lo, hi, HISTOGRAM_BINS);
+        let histogram = counted(&volume, &field);
         let iso = iso.unwrap_or_else(|| threshold(&histogram));
         let focus = focus(&field, iso);
-        Self { volume, field, histogram, iso, focus }
+        let basis = Basis {
+            path,
+            steps: series.as_ref().map_or(1, io::Series::steps),
+            series,
+            grid: volume.grid,
+            scalar: volume.samples.scalar_type(),
+            channels: volume.channels,
+            range: field.range,
+            counts: histogram.counts.clone(),
+            iso,
+            focus,
+        };
+        Self { volume, field, step: 0, basis: Arc::new(basis), histogram, iso, focus }
     }
+}
+
+fn counted(volume: &Volume, field: &Field) -> Histogram {
+    let [lo, hi] = field.range;
+    histogram(volume, volume.channels - 1, lo, hi, HISTOGRAM_BINS)
 }
 
 /// What was read and made for a document, kept from change to change: a stroke reads nothing and makes no mesh again.
@@ -106,27 +169,48 @@ impl Workspace {
         Self { base: base.to_owned(), ..Self::default() }
     }
 
-    /// With a volume that was read before.
+    /// With a volume, of a series one step, that was read before.
     pub fn with_data(base: &Path, source: VolumeSource, data: Arc<Data>) -> Self {
         Self { base: base.to_owned(), data: Some((source, data)), shape: None }
     }
 
-    /// The volume of a document; read if it is another one than last time.
+    /// A step of the volume of a document; read if it is another one than last time.
     ///
     /// # Errors
-    /// As [`read_source`].
-    pub fn data(&mut self, source: &VolumeSource) -> Result<Arc<Data>, EvaluateError> {
-        if let Some((known, data)) = &self.data
-            && known == source
-        {
-            return Ok(data.clone());
-        }
-        // before the new one, or both would be held at once
-        self.data = None;
-        self.shape = None;
-        let data = Arc::new(Data::read(source, &self.base)?);
+    /// As [`Data::read_step`].
+    pub fn data(&mut self, source: &VolumeSource, step: usize) -> Result<Arc<Data>, EvaluateError> {
+        // taken out before another is read, or both would be held at once
+        let data = match self.data.take() {
+            Some((known, data)) if known == *source && data.step == step => data,
+            Some((known, data)) if known == *source => {
+                self.forget_hull();
+                let basis = Arc::clone(&data.basis);
+                drop(data);
+                Arc::new(Data::at_step(&basis, step)?)
+            }
+            other => {
+                drop(other);
+                self.shape = None;
+                Arc::new(Data::read_step(source, &self.base, step)?)
+            }
+        };
         self.data = Some((source.clone(), data.clone()));
         Ok(data)
+    }
+
+    /// Goes on with another step of the same series, read elsewhere.
+    pub fn go_on_with(&mut self, data: Arc<Data>) {
+        if let Some((_, known)) = &mut self.data {
+            *known = data;
+            self.forget_hull();
+        }
+    }
+
+    /// A hull is of the values of one step; other shapes stay.
+    fn forget_hull(&mut self) {
+        if matches!(self.shape, Some((ProxySource::Auto { .. }, _))) {
+            self.shape = None;
+        }
     }
 
     /// Everything a document refers to.
@@ -134,13 +218,13 @@ impl Workspace {
     /// # Errors
     /// If a file is missing or wrong, a name is unknown, or the shape tools fold the mesh.
     pub fn object(&mut self, document: &Document) -> Result<Object, EvaluateError> {
-        let data = self.data(&document.volume)?;
-        let Data { volume, field, histogram, iso, focus } = &*data;
+        let data = self.data(&document.volume, document.step)?;
+        let Data { volume, field, iso, focus, basis, .. } = &*data;
         let transfer = match &document.transfer_function {
             Some(own) => own.clone(),
-            None => transfer(&document.transfer, &self.base, field.range, &histogram.counts)?,
+            None => transfer(&document.transfer, &self.base, basis.range, &basis.counts)?,
         };
-        let window = transfer.resolve(field.range);
+        let window = transfer.resolve(basis.range);
         let mut warnings = Vec::new();
         let stack = unfolded(document, &mut warnings);
         let (mesh, topology, pivot) = self.proxy(document, &stack, volume, *iso, &mut warnings)?;
@@ -200,7 +284,7 @@ impl Workspace {
     }
 }
 
-/// Reads a volume file, or makes the phantom a name such as `phantom:head` or `phantom:head:192` stands for.
+/// Reads a volume file, of a series the first step, or makes the phantom a name such as `phantom:head` or `phantom:head:192` stands for.
 ///
 /// # Errors
 /// If the file cannot be read, or there is no such phantom.

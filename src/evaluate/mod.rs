@@ -1,6 +1,6 @@
 //! L4: from the document to what is derived from it, on the CPU or the GPU.
 //!
-//! [`load::load`] brings a document's data into memory, [`geometry`] makes slices of it for a view, [`picture`] draws them,
+//! [`load::load`] brings a document's data into memory, of a series in time ([`series`]) one step, [`geometry`] makes slices of it for a view, [`picture`] draws them,
 //! [`pick`] finds what a ray meets, [`section`] cuts through, [`resample`] exports the deformed volume, [`tets`] does both
 //! through a lattice of tetrahedra, [`surface`] makes meshes of smooth iso-surfaces, and
 //! `smooth` pictures. [`certificate`] says what
@@ -22,6 +22,7 @@ pub mod pick;
 pub mod picture;
 pub mod resample;
 pub mod section;
+pub mod series;
 mod smooth;
 pub mod surface;
 pub mod tets;

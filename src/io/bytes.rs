@@ -8,9 +8,10 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
+use flate2::bufread::ZlibDecoder;
 
 use super::IoError;
+use super::steps::{Runs, Steps, Stream, pass};
 use crate::volume::{Grid, Rescale, Samples, Scalar, ScalarType, Volume};
 use crate::with_samples;
 
@@ -108,13 +109,24 @@ pub(super) struct Plan {
     /// Samples between one channel and the next of the same voxel: 1 where channels are interleaved.
     pub channel_stride: usize,
     pub rescale: Rescale,
+    /// Each has the samples of a whole volume.
+    pub steps: Steps,
     pub block: Block,
 }
 
 impl Plan {
-    /// Reads the samples.
+    /// Reads the samples, of a series those of its first step.
     pub fn load(self) -> Result<Volume, IoError> {
-        let samples = self.block.read(self.grid.len() * self.channels)?;
+        self.load_step(0, &mut None)
+    }
+
+    /// Reads the samples of one step; those of others are passed over. Compressed data go on where `stream` stands, if it
+    /// stands before the step.
+    pub fn load_step(self, step: usize, stream: &mut Option<Stream>) -> Result<Volume, IoError> {
+        if step >= self.steps.count {
+            return Err(IoError::NoStep { path: self.block.path, step, steps: self.steps.count });
+        }
+        let samples = self.block.read(self.grid.len() * self.channels, self.steps, step, stream)?;
         let samples = if self.channels > 1 && self.channel_stride > 1 {
             with_samples!(&samples, v => Scalar::wrap(interleave(v, self.channels, self.channel_stride)))
         } else {
@@ -189,6 +201,25 @@ pub(super) fn detached(header: &Path, name: &str) -> Result<PathBuf, IoError> {
     Ok(path)
 }
 
+/// What is read of a block.
+struct Piece {
+    /// Samples of a step.
+    count: usize,
+    /// Bytes to pass over before it.
+    before: u64,
+    step: usize,
+    steps: Steps,
+    /// Bytes of a step that lie together, where steps take turns.
+    run: Option<u64>,
+}
+
+impl Piece {
+    /// Whether the block ends with it.
+    fn ends(&self) -> bool {
+        self.steps.count == 1 || (self.run.is_none() && self.step + 1 == self.steps.count)
+    }
+}
+
 /// Why decoded data do not fill a block.
 enum Fault {
     /// Ended after this many bytes.
@@ -206,27 +237,36 @@ impl From<io::Error> for Fault {
 }
 
 impl Block {
-    /// Reads `count` samples.
-    fn read(&self, count: usize) -> Result<Samples, IoError> {
+    /// Reads the `count` samples of one step. A series that is cut off is read as far as whole steps reach.
+    fn read(&self, count: usize, steps: Steps, step: usize, stream: &mut Option<Stream>) -> Result<Samples, IoError> {
         let path = self.path.as_path();
         let (mut file, len) = open(path)?;
-        let expected = count as u64 * self.scalar.bytes() as u64;
+        let bytes = self.scalar.bytes() as u64;
+        let expected = count as u64 * bytes;
+        let promised = expected.saturating_mul(steps.count as u64);
+        // bytes before the step, and those that must be there for it
+        let (before, needed) = match steps.run {
+            None => (expected.saturating_mul(step as u64), expected.saturating_mul(step as u64 + 1)),
+            Some(_) => (0, promised),
+        };
+        let short = |got, expected| short(path, (steps.count > 1).then_some(step), got, expected);
         let start = match self.start {
             Start::At(at) => at.min(len),
             Start::Tail(held) => {
-                let held = held.unwrap_or(expected);
-                len.checked_sub(held).ok_or_else(|| short(path, len, held))?
+                let held = held.unwrap_or(promised);
+                len.checked_sub(held).ok_or_else(|| short(len, held))?
             }
         };
         let held = len - start;
         let fail = |e| IoError::system(path, "read", e);
         file.seek(SeekFrom::Start(start)).map_err(fail)?;
+        let piece = Piece { count, before, step, steps, run: steps.run.map(|run| run as u64 * bytes) };
         let fault = |fault| match fault {
-            Fault::Short(got) => short(path, got, expected),
+            Fault::Short(got) => short(got, if steps.run.is_some() { expected } else { needed }),
             Fault::Long => IoError::malformed(
                 path,
                 format!(
-                    "holds more data than the {expected} bytes that the header promises; its sizes or its type must be wrong"
+                    "holds more data than the {promised} bytes that the header promises; its sizes or its type must be wrong"
                 ),
             ),
             Fault::Memory => {
@@ -245,9 +285,9 @@ impl Block {
         };
         match self.coding {
             Coding::Raw => {
-                let wanted = expected.saturating_add(self.skip);
-                if held < wanted {
-                    return Err(short(path, held, wanted));
+                let wanted = promised.saturating_add(self.skip);
+                if held < needed.saturating_add(self.skip) {
+                    return Err(short(held, needed.saturating_add(self.skip)));
                 }
                 if held > wanted {
                     return Err(IoError::malformed(
@@ -257,29 +297,43 @@ impl Block {
                         ),
                     ));
                 }
-                file.seek(SeekFrom::Start(start + self.skip)).map_err(fail)?;
-                let samples = by_type!(self.scalar, T => read_exact::<T>(&mut file, count).map(T::wrap));
+                file.seek(SeekFrom::Start(start + self.skip + before)).map_err(fail)?;
+                let mut runs;
+                let source: &mut dyn Read = match piece.run {
+                    None => &mut file,
+                    Some(run) => {
+                        runs = Runs::new(BufReader::with_capacity(1 << 18, file), run, steps.count, step);
+                        &mut runs
+                    }
+                };
+                let samples = by_type!(self.scalar, T => read_exact::<T>(source, count).map(T::wrap));
                 Ok(self.native(samples.map_err(fault)?))
             }
             Coding::Gzip | Coding::Zlib => {
                 // deflate makes at most 1032 bytes of one
-                if expected / 1032 > held {
+                if needed / 1032 > held {
                     return Err(IoError::malformed(
                         path,
                         format!(
-                            "its {held} bytes of compressed data cannot hold the {expected} bytes that the header promises; the file is cut off or its sizes are wrong"
+                            "its {held} bytes of compressed data cannot hold the {needed} bytes that the header promises; the file is cut off or its sizes are wrong"
                         ),
                     ));
                 }
                 let mut reader = BufReader::with_capacity(1 << 18, file);
                 let gzip = self.coding == Coding::Gzip || reader.fill_buf().map_err(fail)?.starts_with(&[0x1f, 0x8b]);
                 let samples = if gzip {
-                    let mut decoder = MultiGzDecoder::new(reader);
-                    self.inflate(&mut decoder, count).map_err(fault)?
+                    let begin = self.skip.saturating_add(before);
+                    let mut from = stream.take().filter(|s| s.at <= begin).unwrap_or_else(|| Stream::new(reader));
+                    let samples = self.inflate(&mut from.source, from.at, &piece).map_err(fault)?;
+                    if piece.run.is_none() && !piece.ends() {
+                        from.at = begin + expected;
+                        *stream = Some(from);
+                    }
+                    samples
                 } else {
-                    let mut decoder = ZlibDecoder::new(reader);
-                    let samples = self.inflate(&mut decoder, count).map_err(fault)?;
-                    if !decoder.into_inner().fill_buf().map_err(fail)?.is_empty() {
+                    let mut decoder = BufReader::new(ZlibDecoder::new(reader));
+                    let samples = self.inflate(&mut decoder, 0, &piece).map_err(fault)?;
+                    if piece.ends() && !decoder.into_inner().into_inner().fill_buf().map_err(fail)?.is_empty() {
                         return Err(IoError::malformed(
                             path,
                             "goes on after the end of its compressed data; the file must end there",
@@ -291,22 +345,23 @@ impl Block {
             }
             Coding::Text => {
                 // a number and a separator take two characters at least
-                if (count as u64).saturating_sub(1) > held / 2 {
+                let numbers = needed / bytes;
+                if numbers.saturating_sub(1) > held / 2 {
                     return Err(IoError::malformed(
                         path,
                         format!(
-                            "its {held} characters of data cannot hold the {count} numbers that the header promises; the file is cut off or its sizes are wrong"
+                            "its {held} characters of data cannot hold the {numbers} numbers that the header promises; the file is cut off or its sizes are wrong"
                         ),
                     ));
                 }
                 let mut text = Vec::new();
                 file.read_to_end(&mut text).map_err(fail)?;
-                by_type!(self.scalar, T => parse_text::<T>(&text, count, self.scalar).map(T::wrap))
+                by_type!(self.scalar, T => parse_text::<T>(&text, &piece, self.scalar).map(T::wrap))
                     .map_err(|what| IoError::malformed(path, what))
             }
             Coding::Hex => {
-                let mut digits = HexReader { inner: BufReader::with_capacity(1 << 18, file) };
-                self.inflate(&mut digits, count).map(|s| self.native(s)).map_err(|f| match f {
+                let digits = HexReader { inner: BufReader::with_capacity(1 << 18, file) };
+                self.inflate(&mut BufReader::new(digits), 0, &piece).map(|s| self.native(s)).map_err(|f| match f {
                     Fault::Damaged(e) if e.kind() == io::ErrorKind::InvalidData => IoError::malformed(
                         path,
                         "has characters in its hexadecimal data that are not in pairs of digits 0-9, a-f",
@@ -317,12 +372,31 @@ impl Block {
         }
     }
 
-    fn inflate(&self, source: &mut dyn Read, count: usize) -> Result<Samples, Fault> {
-        let passed = io::copy(&mut Read::take(&mut *source, self.skip), &mut io::sink())?;
-        if passed < self.skip {
-            return Err(Fault::Short(0));
+    /// Reads a piece of decoded data, of which `at` bytes were read before.
+    fn inflate(&self, mut source: &mut dyn BufRead, at: u64, piece: &Piece) -> Result<Samples, Fault> {
+        let over = self.skip.saturating_add(piece.before) - at;
+        let passed = pass(source, over)?;
+        if passed < over {
+            return Err(Fault::Short((at + passed).saturating_sub(self.skip)));
         }
-        by_type!(self.scalar, T => read_growing::<T>(source, count).map(T::wrap))
+        let mut runs;
+        let mut source: &mut dyn Read = match piece.run {
+            None => &mut source,
+            Some(run) => {
+                runs = Runs::new(source, run, piece.steps.count, piece.step);
+                &mut runs
+            }
+        };
+        let samples = by_type!(self.scalar, T => read_growing::<T>(&mut source, piece.count).map(T::wrap));
+        let samples = samples.map_err(|fault| match fault {
+            Fault::Short(got) => Fault::Short(piece.before.saturating_add(got)),
+            fault => fault,
+        })?;
+        // one byte more: shows that the data end here, and makes the decoder check its sum
+        if piece.ends() && source.take(1).read_to_end(&mut Vec::new())? > 0 {
+            return Err(Fault::Long);
+        }
+        Ok(samples)
     }
 
     /// Turns the bytes of each sample round where the file's order is not the machine's.
@@ -354,10 +428,14 @@ fn swap(samples: &mut Samples) {
     }
 }
 
-fn short(path: &Path, got: u64, expected: u64) -> IoError {
+/// `step`: of a series.
+fn short(path: &Path, step: Option<usize>, got: u64, expected: u64) -> IoError {
+    let part = step.map_or(String::new(), |step| format!("step {step} is not all there: "));
     IoError::malformed(
         path,
-        format!("its data end after {got} of {expected} bytes; the file is cut off or its header promises too much"),
+        format!(
+            "{part}its data end after {got} of {expected} bytes; the file is cut off or its header promises too much"
+        ),
     )
 }
 
@@ -371,7 +449,7 @@ fn read_exact<T: Scalar>(source: &mut dyn Read, count: usize) -> Result<Vec<T>, 
 }
 
 /// `count` samples from a source that may hold fewer or more: memory grows with what arrives.
-fn read_growing<T: Scalar>(source: &mut dyn Read, count: usize) -> Result<Vec<T>, Fault> {
+fn read_growing<T: Scalar>(source: &mut impl Read, count: usize) -> Result<Vec<T>, Fault> {
     let mut data: Vec<T> = Vec::new();
     let mut filled = 0;
     loop {
@@ -390,32 +468,36 @@ fn read_growing<T: Scalar>(source: &mut dyn Read, count: usize) -> Result<Vec<T>
             Err(e) => return Err(e.into()),
         }
     }
-    // one byte more: shows that the data end here, and makes the decoder check its sum
-    let beyond = source.take(1).read_to_end(&mut Vec::new())?;
-    if beyond > 0 { Err(Fault::Long) } else { Ok(data) }
+    Ok(data)
 }
 
 /// Numbers in text; what is wrong as a sentence.
-fn parse_text<T: Scalar + FromStr>(text: &[u8], count: usize, scalar: ScalarType) -> Result<Vec<T>, String> {
+fn parse_text<T: Scalar + FromStr>(text: &[u8], piece: &Piece, scalar: ScalarType) -> Result<Vec<T>, String> {
+    let Piece { count, step, steps, .. } = *piece;
+    let promised = count.saturating_mul(steps.count);
     let mut data = Vec::with_capacity(count);
     let words = text.split(|b| b.is_ascii_whitespace() || *b == b',').filter(|w| !w.is_empty());
+    let mut read = 0;
     for word in words {
-        if data.len() == count {
+        if read == promised {
             return Err(format!(
-                "holds more than the {count} numbers that the header promises; its sizes must be wrong"
+                "holds more than the {promised} numbers that the header promises; its sizes must be wrong"
             ));
+        }
+        read += 1;
+        if !steps.holds(step, count, read - 1) {
+            continue;
         }
         let value = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
         let value = value.ok_or_else(|| {
             let word = quote(&String::from_utf8_lossy(word));
-            format!("{word} (number {} of its data) is not a value of type {}", data.len() + 1, scalar.name())
+            format!("{word} (number {read} of its data) is not a value of type {}", scalar.name())
         })?;
         data.push(value);
     }
     if data.len() < count {
         return Err(format!(
-            "its data end after {} of {count} numbers; the file is cut off or its header promises too much",
-            data.len()
+            "its data end after {read} of {promised} numbers; the file is cut off or its header promises too much"
         ));
     }
     Ok(data)

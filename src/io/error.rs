@@ -12,6 +12,16 @@ pub enum IoError {
     /// The system is at fault (missing file, permission, full disk).
     #[error("{}: cannot {action}: {source}", path.display())]
     System { path: PathBuf, action: &'static str, source: std::io::Error },
+    /// A step that a series does not have; a volume that is none has one step.
+    #[error("{}: there is no step {step}; {}", path.display(), steps_there(*.steps))]
+    NoStep { path: PathBuf, step: usize, steps: usize },
+}
+
+fn steps_there(steps: usize) -> String {
+    match steps {
+        1 => "it is one volume and no series in time, so its only step is 0".to_owned(),
+        n => format!("its {n} steps in time are counted from 0 to {}", n - 1),
+    }
 }
 
 impl IoError {

@@ -23,6 +23,7 @@ use glam::{DMat3, DVec3};
 use super::bytes::{self, Block, ByteOrder, Coding, Plan, Start, quote};
 use super::deflate::Wrapper;
 use super::header::{self, Fields, Lines};
+use super::steps::Steps;
 use super::store::{self, Body};
 use super::volume::{Encoding, WriteOptions};
 use super::{IoError, write_atomic};
@@ -73,7 +74,7 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
     let (world, origin) = frame(&fields)?;
     let grid = header::grid(path, [dims[0], dims[1], dims[2]], world, origin, Space::Lps)?;
     let block = block(&fields, lines.taken)?;
-    Ok(Plan { grid, channels, channel_stride: 1, rescale: rescale(&fields)?, block })
+    Ok(Plan { grid, channels, channel_stride: 1, rescale: rescale(&fields)?, steps: Steps::ONE, block })
 }
 
 fn frame(fields: &Fields) -> Result<(DMat3, DVec3), IoError> {

@@ -6,6 +6,8 @@
 //! | surfaces | [`read_surface`], [`write_surface`] | [`obj`], [`stl`], [`ply`]; read only: [`vtk`]; written only: [`glb`] |
 //! | tetrahedral meshes | [`read_tets`], [`write_tets`] | [`vtu`], [`vtk`], [`gmsh`], [`medit`], [`tetgen`] |
 //!
+//! A volume may be a series in time, inside of one file or in numbered files beside each other: [`Series`].
+//!
 //! Sizes in headers are never trusted before allocation: they are checked against the bytes that are really there.
 //! Writes go to a temporary file beside the target, which is renamed when everything is written.
 
@@ -16,6 +18,8 @@ mod error;
 mod header;
 mod kind;
 mod numbers;
+mod series;
+mod steps;
 mod store;
 mod surface;
 mod tets;
@@ -43,6 +47,7 @@ pub mod vtu;
 pub use atomic::write_atomic;
 pub use error::IoError;
 pub use kind::{FileKind, kind_of};
+pub use series::Series;
 pub use surface::{
     is_surface_output, is_surface_path, read_surface, read_surface_as_stored, write_surface, write_surface_with_normals,
 };

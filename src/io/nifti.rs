@@ -9,8 +9,8 @@
 //!
 //! # Practice
 //!
-//! Read: the eight sample types, RGB24 and RGBA32 as channels of u8, and a fifth dimension of 2 to 4 as channels. Refused
-//! with a sentence: time series, 64-bit integers, 128-bit floats, complex numbers, NIfTI-2, ANALYZE.
+//! Read: the eight sample types, RGB24 and RGBA32 as channels of u8, a fifth dimension of 2 to 4 as channels, and a fourth as
+//! steps in time. Refused with a sentence: both at once, 64-bit integers, 128-bit floats, complex numbers, NIfTI-2, ANALYZE.
 //!
 //! Written: `.nii` and `.nii.gz`, little endian, with both forms set where the axes are orthogonal. The format keeps frame,
 //! slope and intercept as `f32`, so a frame comes back to 6e-8 of its largest entry; samples are exact. Volumes in LPS are
@@ -26,6 +26,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::bytes::{self, Block, ByteOrder, Coding, Plan, Start};
 use super::deflate::{Wrapper, write_deflated};
 use super::header;
+use super::steps::Steps;
 use super::store::ends_with;
 use super::volume::{Encoding, WriteOptions};
 use super::{IoError, write_atomic};
@@ -41,7 +42,7 @@ pub(super) fn looks_like(head: &[u8]) -> bool {
     head.len() >= HEADER && matches!(&head[344..348], b"n+1\0" | b"ni1\0")
 }
 
-/// Reads a NIfTI-1 file, or a pair named by either of its two.
+/// Reads a NIfTI-1 file, or a pair named by either of its two; of a series its first step.
 ///
 /// # Errors
 /// If the file cannot be read, is not sound, or holds something else than a volume of 1 to 4 channels.
@@ -92,7 +93,7 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
             ));
         }
     };
-    let (dims, vectors) = dimensions(path, &header)?;
+    let (dims, vectors, steps) = dimensions(path, &header)?;
     let (scalar, colors) = scalar(path, header.i16(70))?;
     if vectors > 1 && colors > 1 {
         return Err(IoError::unsupported(path, "has vectors of colours; Voxclay reads 1 to 4 channels in a voxel"));
@@ -127,7 +128,8 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
     let channels = vectors.max(colors);
     let channel_stride = if vectors > 1 { grid.len() } else { 1 };
     let rescale = rescale(path, &header, colors > 1)?;
-    Ok(Plan { grid, channels, channel_stride, rescale, block })
+    let steps = Steps { count: steps, run: None };
+    Ok(Plan { grid, channels, channel_stride, rescale, steps, block })
 }
 
 /// The file of the same name with another ending, if this one ends in `from` (and perhaps `.gz`).
@@ -171,8 +173,8 @@ fn read_header(path: &Path) -> Result<(Header, bool), IoError> {
     Ok((header, gzip))
 }
 
-/// Voxels along i, j, k, and values in each voxel.
-fn dimensions(path: &Path, header: &Header) -> Result<([usize; 3], usize), IoError> {
+/// Voxels along i, j, k, values in each voxel, and steps in time.
+fn dimensions(path: &Path, header: &Header) -> Result<([usize; 3], usize, usize), IoError> {
     let count = header.i16(40);
     if !(1..=7).contains(&count) {
         return Err(IoError::malformed(path, format!("says that it has {count} dimensions; they must be 1 to 7")));
@@ -184,19 +186,19 @@ fn dimensions(path: &Path, header: &Header) -> Result<([usize; 3], usize), IoErr
             IoError::malformed(path, format!("its dimension {i} is {n}; every size must be at least 1"))
         })?;
     }
-    if sizes[4] > 1 {
-        return Err(IoError::unsupported(
-            path,
-            format!("is a series of {} volumes in time; Voxclay reads one volume, so extract one first", sizes[4]),
-        ));
-    }
     if sizes[5] > 4 || sizes[6] > 1 || sizes[7] > 1 {
         return Err(IoError::unsupported(
             path,
             format!("holds {} values in each voxel; Voxclay reads 1 to 4", sizes[5] * sizes[6] * sizes[7]),
         ));
     }
-    Ok(([sizes[1], sizes[2], sizes[3]], sizes[5]))
+    if sizes[4] > 1 && sizes[5] > 1 {
+        return Err(IoError::unsupported(
+            path,
+            "is a series in time of vectors; Voxclay reads series of one value or colour in each voxel",
+        ));
+    }
+    Ok(([sizes[1], sizes[2], sizes[3]], sizes[5], sizes[4]))
 }
 
 /// The sample type, and how many of it make one value.

@@ -10,8 +10,9 @@
 //!
 //! # Practice
 //!
-//! Read: three axes in space and at most one other of 1 to 4 samples, wherever it stands; encodings raw, gzip, text and
-//! hex; both byte orders; `line skip`, `byte skip`. `left-anterior-superior` becomes RAS by turning the first world axis.
+//! Read: three axes in space and at most one other, wherever it stands; encodings raw, gzip, text and hex; both byte orders;
+//! `line skip`, `byte skip`. `left-anterior-superior` becomes RAS by turning the first world axis. The other axis holds steps
+//! in time if its kind is `time`, or `list` and it is longer than 4; else it holds 1 to 4 channels.
 //! Refused with a sentence: bzip2, 64-bit integers, blocks, more axes, data in several files.
 //!
 //! NRRD has no slope and intercept: they are written as the pairs `rescale slope` and `rescale intercept`, and read back.
@@ -25,12 +26,13 @@ use glam::{DMat3, DVec3};
 use super::bytes::{self, Block, ByteOrder, Coding, Plan, Start, quote};
 use super::deflate::Wrapper;
 use super::header::{self, Fields, Lines};
+use super::steps::Steps;
 use super::store::{self, Body};
 use super::volume::{Encoding, WriteOptions};
 use super::{IoError, write_atomic};
 use crate::volume::{Rescale, ScalarType, Space, Volume};
 
-/// Reads a `.nrrd` or `.nhdr` file.
+/// Reads a `.nrrd` or `.nhdr` file; of a series its first step.
 ///
 /// # Errors
 /// If the file cannot be read, is not sound, or holds something else than a volume of 1 to 4 channels.
@@ -107,10 +109,11 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
     let (path, start, skip) = data(&fields, data_start, coding)?;
     let block = Block { path, start, coding, skip, order, scalar };
     let rescale = rescale(&pairs)?;
-    Ok(Plan { grid, channels: axes.channels, channel_stride: axes.stride, rescale, block })
+    let Axes { channels, stride: channel_stride, steps, .. } = axes;
+    Ok(Plan { grid, channels, channel_stride, rescale, steps, block })
 }
 
-/// The axes of the array: three in space, and at most one of channels.
+/// The axes of the array: three in space, and at most one of channels or of time.
 struct Axes {
     dims: [usize; 3],
     /// Positions of the three among all.
@@ -118,6 +121,7 @@ struct Axes {
     count: usize,
     channels: usize,
     stride: usize,
+    steps: Steps,
 }
 
 fn axes(fields: &Fields) -> Result<Axes, IoError> {
@@ -125,7 +129,7 @@ fn axes(fields: &Fields) -> Result<Axes, IoError> {
     let count: usize = fields.numbers("dimension", dimension, 1)?[0];
     if !(3..=4).contains(&count) {
         return Err(fields.unsupported(format!(
-            "has {count} axes; Voxclay reads volumes of 3 axes, or 4 where one holds 1 to 4 channels"
+            "has {count} axes; Voxclay reads volumes of 3 axes, or 4 where one holds 1 to 4 channels or steps in time"
         )));
     }
     let sizes: Vec<usize> = fields.numbers("sizes", fields.require("sizes")?, count)?;
@@ -133,19 +137,28 @@ fn axes(fields: &Fields) -> Result<Axes, IoError> {
     if count == 4 {
         let other = channel_axis(fields, &sizes)?;
         spatial.remove(other);
-        let channels = sizes[other];
+        let n = sizes[other];
         let kinds = fields.get("kinds").unwrap_or_default();
-        if !(1..=4).contains(&channels) {
-            let time = kinds.split_whitespace().nth(other).is_some_and(|k| k.eq_ignore_ascii_case("time"));
-            let what = if time { "time steps" } else { "values in each voxel" };
-            return Err(fields.unsupported(format!(
-                "has {channels} {what}; Voxclay reads 1 to 4 channels, so extract a single volume first"
-            )));
-        }
+        let kind = kinds.split_whitespace().nth(other).map(str::to_ascii_lowercase);
+        // lists of up to 4 are vectors to many programs
+        let time = kind.is_some_and(|k| k == "time" || (k == "list" && n > 4));
         let stride = sizes[..other].iter().try_fold(1usize, |n, &s| n.checked_mul(s));
         let stride = stride.ok_or_else(|| fields.bad("sizes", fields.get("sizes").unwrap_or_default(), "smaller"))?;
         let dims = std::array::from_fn(|i| sizes[spatial[i]]);
-        return Ok(Axes { dims, spatial, count, channels, stride });
+        if time {
+            if n == 0 {
+                return Err(fields.wrong("has an axis of time without a step; there must be at least one"));
+            }
+            // of the last axis a step lies in one piece, of others in runs
+            let steps = Steps { count: n, run: (other + 1 < count).then_some(stride) };
+            return Ok(Axes { dims, spatial, count, channels: 1, stride: 1, steps });
+        }
+        if !(1..=4).contains(&n) {
+            return Err(fields.unsupported(format!(
+                "has {n} values in each voxel; Voxclay reads 1 to 4 channels, or steps in time where 'kinds' says time"
+            )));
+        }
+        return Ok(Axes { dims, spatial, count, channels: n, stride, steps: Steps::ONE });
     }
     let colors = ["color", "vector", "normal", "gradient", "complex", "quaternion", "matrix"];
     if let Some(kinds) = fields.get("kinds").map(str::to_ascii_lowercase)
@@ -155,7 +168,7 @@ fn axes(fields: &Fields) -> Result<Axes, IoError> {
             fields.unsupported(format!("has only 2 axes in space ('kinds' is {}); a volume needs 3", quote(&kinds)))
         );
     }
-    Ok(Axes { dims: [sizes[0], sizes[1], sizes[2]], spatial, count, channels: 1, stride: 1 })
+    Ok(Axes { dims: [sizes[0], sizes[1], sizes[2]], spatial, count, channels: 1, stride: 1, steps: Steps::ONE })
 }
 
 /// Which of four axes is not one of space: what the header says of directions or kinds, or else the one of at most 4 samples.

@@ -16,6 +16,7 @@ use super::IoError;
 use super::bytes::{self, Block, ByteOrder, Coding, Plan, Start, quote};
 use super::deflate::Wrapper;
 use super::header;
+use super::steps::Steps;
 use super::store::{self, Body};
 use super::volume::{Encoding, WriteOptions};
 use crate::volume::{Grid, Rescale, ScalarType, Space, Volume};
@@ -63,7 +64,7 @@ pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
         order: description.order()?,
         scalar: description.scalar()?,
     };
-    Ok(Plan { grid, channels, channel_stride: 1, rescale: description.rescale()?, block })
+    Ok(Plan { grid, channels, channel_stride: 1, rescale: description.rescale()?, steps: Steps::ONE, block })
 }
 
 /// The JSON object.

@@ -94,7 +94,7 @@ fn format_of(path: &Path) -> Result<Format, IoError> {
     })
 }
 
-fn plan(path: &Path) -> Result<Plan, IoError> {
+pub(super) fn plan(path: &Path) -> Result<Plan, IoError> {
     match format_of(path)? {
         Format::Nrrd => nrrd::plan(path),
         Format::Nifti => nifti::plan(path),
@@ -103,7 +103,7 @@ fn plan(path: &Path) -> Result<Plan, IoError> {
     }
 }
 
-/// Reads a volume of any format.
+/// Reads a volume of any format; of a series in time its first step (see [`super::Series`]).
 ///
 /// # Errors
 /// If the file cannot be read, is not sound, or holds what a [`Volume`] cannot.

@@ -14,6 +14,9 @@ use crate::volume::transfer::TransferFunction;
 #[serde(deny_unknown_fields)]
 pub struct Document {
     pub volume: VolumeSource,
+    /// Which step of a series in time is shown, counted from 0.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub step: usize,
     #[serde(default)]
     pub proxy: ProxySource,
     #[serde(default)]
@@ -40,6 +43,10 @@ pub struct Document {
     pub camera: CameraSpec,
 }
 
+fn is_first(step: &usize) -> bool {
+    *step == 0
+}
+
 fn auto() -> String {
     "auto".to_owned()
 }
@@ -49,6 +56,7 @@ impl Document {
     pub fn new(volume: VolumeSource) -> Self {
         Self {
             volume,
+            step: 0,
             proxy: ProxySource::default(),
             placement: Placement::default(),
             stack: Stack::default(),

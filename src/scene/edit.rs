@@ -11,6 +11,8 @@ use crate::volume::transfer::TransferFunction;
 pub enum Edit {
     /// Another volume; the stack and everything else stays.
     SetVolume(VolumeSource),
+    /// Another step of a series in time, counted from 0. Whether there is such a step is known where it is read.
+    SetStep(usize),
     SetProxy(ProxySource),
     SetPlacement(Placement),
     /// Newest strokes, all in one step (a stroke and its mirror images).
@@ -72,6 +74,7 @@ impl Edit {
         };
         match self {
             Self::SetVolume(_) => "Change the volume".to_owned(),
+            Self::SetStep(step) => format!("Show step {step}"),
             Self::SetProxy(_) => "Change the shape".to_owned(),
             Self::SetPlacement(_) => "Place the shape".to_owned(),
             Self::Push(items) => match items.first() {
@@ -105,6 +108,7 @@ impl Edit {
         match (self, before) {
             (Self::Replace(a, _), Self::Replace(b, _)) | (Self::Rename(a, _), Self::Rename(b, _)) => a == b,
             (Self::SetPlacement(_), Self::SetPlacement(_))
+            | (Self::SetStep(_), Self::SetStep(_))
             | (Self::ReplaceAll(_), Self::ReplaceAll(_))
             | (Self::SetTransferFunction(_), Self::SetTransferFunction(_))
             | (Self::SetClip(_), Self::SetClip(_))
@@ -126,6 +130,7 @@ impl Edit {
         };
         match self {
             Self::SetVolume(v) => document.volume = v.clone(),
+            Self::SetStep(step) => document.step = *step,
             Self::SetProxy(p) => document.proxy = p.clone(),
             Self::SetPlacement(p) => document.placement = *p,
             Self::Push(new) => items.extend_from_slice(new),

@@ -73,7 +73,7 @@ pub struct Kept<'a> {
     pub checksum: Option<u32>,
     /// A PNG file.
     pub thumbnail: Option<&'a [u8]>,
-    /// Samples to embed; the document in the file then refers to them.
+    /// Samples to embed, of a series those of one step; the document in the file then refers to them.
     pub embed: Option<&'a Volume>,
 }
 
@@ -136,6 +136,8 @@ pub fn write_project(path: &Path, document: &Document, kept: &Kept<'_>) -> Resul
             beside.map_err(|source| ProjectError::System { path: path.to_owned(), action: "write", source })?;
         io::write_volume(beside.path(), volume, &io::WriteOptions::default())?;
         samples = Some(beside);
+        // of a series, one step is inside
+        document.step = 0;
         document.volume = VolumeSource::Embedded(path.file_name().map(PathBuf::from).unwrap_or_default());
     }
     let envelope = Envelope { voxclay: VERSION, checksum: kept.checksum, document: &document };

@@ -218,9 +218,13 @@ fn lies_in_little_memory() {
         let script = format!("ulimit -v {kib} && exec \"$0\" --exact {test} --test-threads 1");
         std::process::Command::new("sh").arg("-c").arg(script).arg(&program).output().unwrap()
     };
-    for test in
-        ["damage::bombs", "foreign::nrrd_refusals", "foreign::raw_volumes", "foreign::nifti_channels_and_dimensions"]
-    {
+    for test in [
+        "damage::bombs",
+        "foreign::nrrd_refusals",
+        "foreign::raw_volumes",
+        "foreign::nifti_channels_and_dimensions",
+        "series::lies",
+    ] {
         let run = limited("400000", test);
         let said = String::from_utf8_lossy(&run.stdout);
         assert!(

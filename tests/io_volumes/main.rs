@@ -4,6 +4,7 @@ mod damage;
 mod foreign;
 mod real;
 mod round_trip;
+mod series;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -85,7 +85,7 @@ fn ball(m: &mut Modeller, ui: &mut egui::Ui, unit: &str, focus: f64) {
 /// Only some values follow.
 fn mask(m: &mut Modeller, ui: &mut egui::Ui) {
     let Some(desk) = &m.desk else { return };
-    let ([lo, hi], iso) = (desk.data.field.range, desk.data.iso);
+    let ([lo, hi], iso) = (desk.data.basis.range, desk.data.iso);
     let mut on = m.hand.mask.is_some();
     let what = "Values outside this range stay where they are. The edge is soft, and a stroke is held back sooner: \
                 what follows cannot tear away from what stays.";

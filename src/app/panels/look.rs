@@ -13,7 +13,7 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     let Some(desk) = &m.desk else { return };
     let document = desk.history.document().clone();
     let data = desk.data.clone();
-    let [lo, hi] = data.field.range;
+    let [lo, hi] = data.basis.range;
     let before = document.look;
     let mut look = before;
     title(ui, "Shading");

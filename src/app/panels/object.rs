@@ -1,9 +1,11 @@
 //! What is open: the volume, its shape, where the shape lies.
 
 use eframe::egui::{self, RichText};
+use egui_material_icons::icons;
 
 use super::{number, row, title, vector};
 use crate::app::desk::file_name;
+use crate::app::menu::icon_button;
 use crate::app::modeller::Modeller;
 use crate::app::tasks::Purpose;
 use crate::scene::{Edit, Placement, ProxySource, VolumeSource};
@@ -40,6 +42,10 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     ] {
         row(ui, what, |ui, _| ui.add(egui::Label::new(text).truncate()));
     }
+    if data.basis.steps > 1 {
+        series(m, ui, document.step, data.basis.steps);
+    }
+    let [lo, hi] = data.basis.range;
     title(ui, "Shape");
     let mut edit = None;
     row(ui, "Mesh", |ui, _| {
@@ -88,6 +94,40 @@ pub fn show(m: &mut Modeller, ui: &mut egui::Ui) {
     if let Some(edit) = edit {
         m.edit(edit);
     }
+}
+
+/// Which step of a series in time is shown.
+fn series(m: &mut Modeller, ui: &mut egui::Ui, before: usize, steps: usize) {
+    let mut step = before;
+    row(ui, "Step", |ui, id| {
+        ui.spacing_mut().slider_width = 128.0;
+        ui.add(egui::Slider::new(&mut step, 0..=steps - 1)).labelled_by(id).on_hover_text(format!(
+            "Of {steps} steps in time, counted from 0; Left and Right go to the one before and the next"
+        ))
+    });
+    if step != before {
+        m.player.playing = false;
+        m.show_step(step);
+    }
+    row(ui, "Play", |ui, id| {
+        if icon_button(ui, icons::ICON_CHEVRON_LEFT, "The step before (Left)", true) {
+            m.player.playing = false;
+            m.move_step(-1);
+        }
+        let (icon, name) = match m.player.playing {
+            true => (icons::ICON_PAUSE, "Pause (Space)"),
+            false => (icons::ICON_PLAY_ARROW, "Play (Space)"),
+        };
+        if icon_button(ui, icon, name, true) {
+            m.player.playing = !m.player.playing;
+        }
+        if icon_button(ui, icons::ICON_CHEVRON_RIGHT, "The next step (Right)", true) {
+            m.player.playing = false;
+            m.move_step(1);
+        }
+        let rate = egui::DragValue::new(&mut m.player.rate).range(0.5..=60.0).speed(0.1).max_decimals(1).suffix(" /s");
+        ui.add(rate).labelled_by(id).on_hover_text("Steps in a second, as far as the machine keeps up");
+    });
 }
 
 /// Where the mesh lies in the texture cube.

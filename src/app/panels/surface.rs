@@ -48,7 +48,7 @@ fn controls(ui: &mut egui::Ui, look: &mut SmoothLook, data: &Data) {
     ui.checkbox(&mut look.direct, "Straight through strokes").on_hover_text(
         "The surface is found through the strokes: nothing is resampled, so strokes show sooner and edges stay sharp",
     );
-    let [lo, hi] = data.field.range;
+    let [lo, hi] = data.basis.range;
     let mut gone = None;
     for (n, shell) in look.shells.iter_mut().enumerate() {
         row(ui, &format!("Surface {}", n + 2), |ui, id| {

@@ -21,7 +21,7 @@ fn opacity(height: f32) -> f32 {
 pub fn show(m: &mut Modeller, ui: &mut egui::Ui, document: &Document, data: &Data) {
     ui.separator();
     title(ui, "Transfer function");
-    let range = data.field.range;
+    let range = data.basis.range;
     let Some((_, object)) = m.desk.as_ref().and_then(|d| d.object.as_ref()) else { return };
     let before = document.transfer_function.clone().unwrap_or_else(|| object.transfer.clone());
     let mut function = before.clone();
