@@ -230,10 +230,24 @@ impl<T: Real> BrushKernel<T> {
         jacobian: &mut JacobianBlock<T>,
         profile: impl Fn(T) -> (T, T),
     ) {
+        let mut gradient = [[T::default(); BLOCK]; 9];
         match self.turns {
-            None => displace_with_jacobian(b, jacobian, |p| self.straight_with_gradient(p, &profile)),
-            Some(turns) => displace_with_jacobian(b, jacobian, |p| self.turned_with_gradient(p, turns, &profile)),
+            None => {
+                for i in 0..BLOCK {
+                    let (d, g) = self.straight_with_gradient([b.x[i], b.y[i], b.z[i]], &profile);
+                    keep(&mut gradient, i, g);
+                    subtract(b, i, d);
+                }
+            }
+            Some(turns) => {
+                for i in 0..BLOCK {
+                    let (d, g) = self.turned_with_gradient([b.x[i], b.y[i], b.z[i]], turns, &profile);
+                    keep(&mut gradient, i, g);
+                    subtract(b, i, d);
+                }
+            }
         }
+        derive(&gradient, jacobian);
     }
 }
 
@@ -245,20 +259,18 @@ fn subtract<T: Real>(b: &mut Block<T>, i: usize, d: [T; 3]) {
 }
 
 #[inline(always)]
-fn displace_with_jacobian<T: Real>(
-    b: &mut Block<T>,
-    jacobian: &mut JacobianBlock<T>,
-    with_gradient: impl Fn([T; 3]) -> ([T; 3], [[T; 3]; 3]),
-) {
-    let mut gradient = [[T::default(); BLOCK]; 9];
-    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = &mut gradient;
-    for i in 0..BLOCK {
-        let (d, [x, y, z]) = with_gradient([b.x[i], b.y[i], b.z[i]]);
-        [xx[i], xy[i], xz[i]] = x;
-        [yx[i], yy[i], yz[i]] = y;
-        [zx[i], zy[i], zz[i]] = z;
-        subtract(b, i, d);
+fn keep<T: Real>(gradient: &mut [[T; BLOCK]; 9], i: usize, rows: [[T; 3]; 3]) {
+    for r in 0..3 {
+        for c in 0..3 {
+            gradient[3 * r + c][i] = rows[r][c];
+        }
     }
+}
+
+/// `jacobian` from the left by `I - gradient`.
+#[inline(always)]
+fn derive<T: Real>(gradient: &[[T; BLOCK]; 9], jacobian: &mut JacobianBlock<T>) {
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = gradient;
     for column in jacobian.entry.chunks_exact_mut(3) {
         let [x, y, z] = column else { continue };
         for i in 0..BLOCK {

@@ -23,43 +23,40 @@ pub(super) trait Kernel<T: Real> {
     /// `p - vector V(p)` for every point of the block.
     #[inline(always)]
     fn displace(&self, b: &mut Block<T>) {
-        displace(self.vector(), b, |p| self.value(p));
+        let d = self.vector();
+        for i in 0..BLOCK {
+            let v = self.value([b.x[i], b.y[i], b.z[i]]);
+            subtract(b, i, d, v);
+        }
     }
 
     /// The same; `jacobian` is multiplied from the left by `I - vector (grad V)^T`.
     #[inline(always)]
     fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
-        displace_with_jacobian(self.vector(), b, jacobian, |p| self.value_and_gradient(p));
+        let d = self.vector();
+        let mut gradient = [[T::default(); BLOCK]; 3];
+        for i in 0..BLOCK {
+            let (v, g) = self.value_and_gradient([b.x[i], b.y[i], b.z[i]]);
+            (gradient[0][i], gradient[1][i], gradient[2][i]) = (g[0], g[1], g[2]);
+            subtract(b, i, d, v);
+        }
+        derive(d, &gradient, jacobian);
     }
 }
 
-#[inline(always)]
-fn displace<T: Real>(d: [T; 3], b: &mut Block<T>, value: impl Fn([T; 3]) -> T) {
-    for i in 0..BLOCK {
-        let v = value([b.x[i], b.y[i], b.z[i]]);
-        b.x[i] -= d[0] * v;
-        b.y[i] -= d[1] * v;
-        b.z[i] -= d[2] * v;
-    }
-}
+// loops are written out where they are needed: a closure over what a point needs would not be inlined into vector code
 
 #[inline(always)]
-fn displace_with_jacobian<T: Real>(
-    d: [T; 3],
-    b: &mut Block<T>,
-    jacobian: &mut JacobianBlock<T>,
-    value_and_gradient: impl Fn([T; 3]) -> (T, [T; 3]),
-) {
-    let mut gradient = [[T::default(); BLOCK]; 3];
-    let [gx, gy, gz] = &mut gradient;
-    for i in 0..BLOCK {
-        let (v, g) = value_and_gradient([b.x[i], b.y[i], b.z[i]]);
-        [gx[i], gy[i], gz[i]] = g;
-        b.x[i] -= d[0] * v;
-        b.y[i] -= d[1] * v;
-        b.z[i] -= d[2] * v;
-    }
-    // column by column, so that few arrays are at work at a time
+fn subtract<T: Real>(b: &mut Block<T>, i: usize, d: [T; 3], v: T) {
+    b.x[i] -= d[0] * v;
+    b.y[i] -= d[1] * v;
+    b.z[i] -= d[2] * v;
+}
+
+/// `jacobian` from the left by `I - d gradient^T`: column by column, so that few arrays are at work at a time.
+#[inline(always)]
+fn derive<T: Real>(d: [T; 3], gradient: &[[T; BLOCK]; 3], jacobian: &mut JacobianBlock<T>) {
+    let [gx, gy, gz] = gradient;
     for column in jacobian.entry.chunks_exact_mut(3) {
         let [x, y, z] = column else { continue };
         for i in 0..BLOCK {
@@ -239,6 +236,30 @@ impl<T: Real> BallKernel<T> {
     }
 
     #[inline(always)]
+    fn displace_by(&self, b: &mut Block<T>, profile: impl Fn(T) -> (T, T)) {
+        for i in 0..BLOCK {
+            let v = self.value_by([b.x[i], b.y[i], b.z[i]], &profile);
+            subtract(b, i, self.vector, v);
+        }
+    }
+
+    #[inline(always)]
+    fn displace_with_jacobian_by(
+        &self,
+        b: &mut Block<T>,
+        jacobian: &mut JacobianBlock<T>,
+        profile: impl Fn(T) -> (T, T),
+    ) {
+        let mut gradient = [[T::default(); BLOCK]; 3];
+        for i in 0..BLOCK {
+            let (v, g) = self.value_and_gradient_by([b.x[i], b.y[i], b.z[i]], &profile);
+            (gradient[0][i], gradient[1][i], gradient[2][i]) = (g[0], g[1], g[2]);
+            subtract(b, i, self.vector, v);
+        }
+        derive(self.vector, &gradient, jacobian);
+    }
+
+    #[inline(always)]
     pub fn value_and_gradient_by(&self, p: [T; 3], profile: impl Fn(T) -> (T, T)) -> (T, [T; 3]) {
         let local = self.local(p);
         let (value, slope) = profile(dot(local, local));
@@ -280,27 +301,19 @@ impl<T: Real> Kernel<T> for BallKernel<T> {
     // the falloff is chosen outside the loops, so that each loop is free of branches
     #[inline(always)]
     fn displace(&self, b: &mut Block<T>) {
-        let d = self.vector;
         match self.falloff {
-            Falloff::Smooth => displace(d, b, |p| self.value_by(p, smooth)),
-            Falloff::Spline => displace(d, b, |p| self.value_by(p, spline)),
-            Falloff::Core(core) => {
-                let profile = with_core(core);
-                displace(d, b, |p| self.value_by(p, &profile));
-            }
+            Falloff::Smooth => self.displace_by(b, smooth),
+            Falloff::Spline => self.displace_by(b, spline),
+            Falloff::Core(core) => self.displace_by(b, with_core(core)),
         }
     }
 
     #[inline(always)]
     fn displace_with_jacobian(&self, b: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
-        let d = self.vector;
         match self.falloff {
-            Falloff::Smooth => displace_with_jacobian(d, b, jacobian, |p| self.value_and_gradient_by(p, smooth)),
-            Falloff::Spline => displace_with_jacobian(d, b, jacobian, |p| self.value_and_gradient_by(p, spline)),
-            Falloff::Core(core) => {
-                let profile = with_core(core);
-                displace_with_jacobian(d, b, jacobian, |p| self.value_and_gradient_by(p, &profile));
-            }
+            Falloff::Smooth => self.displace_with_jacobian_by(b, jacobian, smooth),
+            Falloff::Spline => self.displace_with_jacobian_by(b, jacobian, spline),
+            Falloff::Core(core) => self.displace_with_jacobian_by(b, jacobian, with_core(core)),
         }
     }
 }
