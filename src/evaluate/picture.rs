@@ -11,6 +11,7 @@ use super::{smooth, tets};
 use crate::gpu::{self, Coefficients, Gpu, Preference, SplineLoad};
 use crate::mesh::tet_map::MapReport;
 use crate::render::{self, Camera, ClassTable, Frame, Look, Picture};
+use crate::volume::transfer::TransferFunction;
 
 pub use super::geometry::Refinement;
 pub use crate::spline::paint::SmoothLook;
@@ -119,6 +120,26 @@ pub struct Renderer {
     slices: geometry::Keeper,
     /// Of drafts, so that what was made at rest is there when the hand rests again.
     drafts: geometry::Keeper,
+    table: Table,
+}
+
+/// The last table and what it is of: many pictures in a row need the same.
+#[derive(Debug, Default)]
+struct Table {
+    last: Option<(TransferFunction, f64, bool, Arc<ClassTable>)>,
+}
+
+impl Table {
+    fn of(&mut self, transfer: &TransferFunction, depth: f64, preintegrated: bool) -> Arc<ClassTable> {
+        match &self.last {
+            Some((t, d, p, table)) if (t, *d, *p) == (transfer, depth, preintegrated) => table.clone(),
+            _ => {
+                let table = Arc::new(ClassTable::build(transfer, depth, preintegrated));
+                self.last = Some((transfer.clone(), depth, preintegrated, table.clone()));
+                table
+            }
+        }
+    }
 }
 
 impl Renderer {
@@ -130,6 +151,7 @@ impl Renderer {
             smooth: smooth::Kept::default(),
             slices: geometry::Keeper::default(),
             drafts: geometry::Keeper::default(),
+            table: Table::default(),
         })
     }
 
@@ -225,7 +247,7 @@ impl Renderer {
         let (width, height) = options.size;
         let frame = Frame::new(camera, &look, &object.field, object.window, &geometry, width, height);
         let reference = object.field.grid.finest();
-        let table = Arc::new(ClassTable::build(&object.transfer, geometry.distance / reference, look.preintegrated));
+        let table = self.table.of(&object.transfer, geometry.distance / reference, look.preintegrated);
         let (picture, fragments) = match &mut self.gpu {
             Some(gpu) => {
                 gpu.set_field(&object.field)?;

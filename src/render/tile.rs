@@ -11,7 +11,7 @@ use super::sampler::{Sampler, Texel};
 use super::shade::is_within;
 use super::skip::Skip;
 use super::{ClassTable, Exact, Frame, SliceGeometry};
-use crate::math::lanes::{Best, Machine, Work};
+use crate::math::lanes::{Best, F8, LANES, Machine, Work};
 
 pub const WIDTH: usize = 32;
 pub const HEIGHT: usize = 16;
@@ -212,19 +212,20 @@ impl Tile {
             }
             self.pending[row] |= covered;
             self.within &= within;
-            let at = row * WIDTH + columns.start..row * WIDTH + columns.end;
-            let count = if scene.back { 6 } else { 3 };
-            for (i, (start, step)) in start.iter().zip(step).take(count).enumerate() {
-                let plane = if i < 3 { &mut self.front[i] } else { &mut self.back[i - 3] };
-                fill(&mut plane[at.clone()], *start, step);
+            let halves = |line: [f32; 6]| {
+                let [a, b, c, d, e, f] = line;
+                [[a, b, c], [d, e, f]]
+            };
+            let ([start, back_start], [step, back_step]) = (halves(start), halves(step));
+            scene.best.run(Fill { planes: &mut self.front, lines: [start, step], row, columns: columns.clone() });
+            if scene.back {
+                let lines = [back_start, back_step];
+                scene.best.run(Fill { planes: &mut self.back, lines, row, columns: columns.clone() });
             }
             if varies {
                 let planes = self.jacobians.get_or_insert_with(|| Box::new([[0.0; AREA]; 9]));
-                for (i, plane) in planes.iter_mut().enumerate() {
-                    let j = corners.map(|c| c.jacobian[i]);
-                    let mix = |w: [f64; 2]| (w[0] as f32) * (j[1] - j[0]) + (w[1] as f32) * (j[2] - j[0]);
-                    fill(&mut plane[at.clone()], j[0] + mix(weights), mix([step1, step2]));
-                }
+                let lines = jacobian_lines(corners, weights, [step1, step2]);
+                scene.best.run(Fill { planes, lines, row, columns });
             }
         }
     }
@@ -289,10 +290,46 @@ fn bits(columns: std::ops::Range<usize>) -> u32 {
     if columns.is_empty() { 0 } else { (u32::MAX >> (32 - columns.len())) << columns.start }
 }
 
-#[inline(always)]
-fn fill(out: &mut [f32], start: f32, step: f32) {
-    for (i, v) in out.iter_mut().enumerate() {
-        *v = start + i as i32 as f32 * step;
+/// Where the Jacobian of a row of fragments begins, and its change from one to the next.
+fn jacobian_lines(corners: [&super::SliceVertex; 3], weights: [f64; 2], steps: [f64; 2]) -> [[f32; 9]; 2] {
+    let [a, b, c] = corners.map(|c| &c.jacobian);
+    let ([w1, w2], [s1, s2]) = (weights.map(|w| w as f32), steps.map(|w| w as f32));
+    let mut lines = [[0.0; 9]; 2];
+    for i in 0..9 {
+        let (along1, along2) = (b[i] - a[i], c[i] - a[i]);
+        lines[0][i] = a[i] + (w1 * along1 + w2 * along2);
+        lines[1][i] = s1 * along1 + s2 * along2;
+    }
+    lines
+}
+
+/// Writes linear functions into some columns of a row of planes. Rows of triangles are short: eight pixels at a time, what
+/// lies beside them stays.
+struct Fill<'t, const N: usize> {
+    planes: &'t mut [Plane; N],
+    /// At the first column, and from one to the next.
+    lines: [[f32; N]; 2],
+    row: usize,
+    columns: std::ops::Range<usize>,
+}
+
+impl<const N: usize> Work for Fill<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, m: M) {
+        let Self { planes, lines: [starts, steps], row, columns } = self;
+        let all = bits(columns.clone());
+        let (first, last) = (columns.start / LANES, (columns.end - 1) / LANES);
+        let count = F8::load(m, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        for group in first..=last {
+            let (at, mask) = (row * WIDTH + group * LANES, all >> (group * LANES) & 0xff);
+            let number = count + ((group * LANES) as f32 - columns.start as f32);
+            for i in 0..N {
+                let line = number * steps[i] + starts[i];
+                line.or(mask, F8::at(m, &planes[i], at)).put(&mut planes[i], at);
+            }
+        }
     }
 }
 
