@@ -3,7 +3,7 @@
 //! Prints medians, 95th percentiles and the worst of each kind of step, in milliseconds. `stroke event` is the work of one
 //! moved event on the window's thread, `interface pass` a whole pass of the window, `slices` and `picture, moving` the
 //! worker's, `latency` from the request to the picture. Below that, the memory that all threads asked for between the first and
-//! the last moved event.
+//! the last moved event. Then the same with the smooth surface.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -17,7 +17,7 @@ use voxclay::app::settings::Home;
 use voxclay::app::trace::Trace;
 use voxclay::app::{Modeller, Start};
 use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
-use voxclay::evaluate::picture::Backend;
+use voxclay::evaluate::picture::{Backend, Mode};
 use voxclay::scene::{Edit, ProxySource};
 
 /// The system's allocator, which notes what is asked for while it is told to.
@@ -61,6 +61,98 @@ static ALLOCATOR: Counting = Counting;
 
 const EVENTS: usize = 300;
 
+type Window = Harness<'static, Option<Modeller>>;
+
+fn until(h: &mut Window, so: &dyn Fn(&Modeller) -> bool) {
+    let started = Instant::now();
+    while !h.state().as_ref().is_some_and(so) && started.elapsed() < Duration::from_secs(120) {
+        h.step();
+        std::thread::sleep(Duration::from_millis(4));
+    }
+}
+
+fn rested(m: &Modeller) -> bool {
+    m.shown.as_ref().is_some_and(|s| s.last && !s.moving)
+}
+
+/// What a stroke took.
+struct Pull {
+    /// Bytes that were asked for in all, for one event, and the largest block of each event, ascending.
+    bytes: usize,
+    largest: Vec<usize>,
+    /// Slices of the coarse pictures, and the part of the resolution.
+    coarse: Vec<(usize, f32)>,
+}
+
+/// Pulls what lies at a place around in circles, and lets go.
+fn pull(h: &mut Window, at: egui::Pos2) -> Pull {
+    if let Some(m) = h.state_mut() {
+        m.trace = Trace::default();
+    }
+    let press = |pressed, pos| egui::Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    h.event(press(true, at));
+    h.step();
+    let mut pos = at;
+    let mut largest = Vec::with_capacity(EVENTS);
+    let mut coarse = Vec::with_capacity(EVENTS);
+    BYTES.store(0, Ordering::Relaxed);
+    for i in 0..EVENTS {
+        let a = i as f32 * 0.05;
+        pos = at + 60.0 * Vec2::new(a.sin(), 1.0 - a.cos());
+        h.event(egui::Event::PointerMoved(pos));
+        h.step();
+        // a mouse that reports at 60 Hz
+        std::thread::sleep(Duration::from_millis(12));
+        if let Some(shown) = h.state().as_ref().and_then(|m| m.shown.as_ref()).filter(|s| s.moving) {
+            coarse.push((shown.report.slices, shown.scale));
+        }
+        // the first event makes what the stroke needs
+        if i > 0 {
+            largest.push(LARGEST.swap(0, Ordering::Relaxed));
+        }
+        ON.store(true, Ordering::Relaxed);
+    }
+    ON.store(false, Ordering::Relaxed);
+    let bytes = BYTES.load(Ordering::Relaxed) / largest.len();
+    h.event(press(false, pos));
+    h.step();
+    until(h, &rested);
+    largest.sort_unstable();
+    Pull { bytes, largest, coarse }
+}
+
+fn print(h: &Window, name: &str, pull: &Pull) {
+    let Pull { bytes, largest, coarse } = pull;
+    if let (Some(few), Some(many)) = (coarse.iter().map(|c| c.0).min(), coarse.iter().map(|c| c.0).max()) {
+        let scales = || coarse.iter().map(|c| c.1);
+        let (small, large) = (scales().fold(1.0, f32::min), scales().fold(0.0, f32::max));
+        println!("\n{name}: coarse pictures of {few} to {many} slices, {small:.2} to {large:.2} of the resolution");
+    }
+    println!("{:<18} {:>8} {:>8} {:>8} {:>6}", "ms", "median", "95 %", "worst", "count");
+    let Some(m) = h.state() else { return };
+    for (name, series) in m.trace.rows() {
+        let ms = |q: f32| series.quantile(q).unwrap_or(f32::NAN);
+        println!("{name:<18} {:>8.2} {:>8.2} {:>8.2} {:>6}", ms(0.5), ms(0.95), series.worst, series.count);
+    }
+    let kib = |bytes: usize| bytes as f64 / 1024.0;
+    let volume = m.desk.as_ref().map_or(0, |d| d.data.volume.samples.bytes().len());
+    println!(
+        "memory asked for, KiB: {:.0} an event; largest block, median of the events {:.0}, worst {:.0}; the volume has {:.0}",
+        kib(*bytes),
+        kib(largest[largest.len() / 2]),
+        kib(largest[largest.len() - 1]),
+        kib(volume),
+    );
+    if let Some(shown) = &m.shown {
+        println!("drawn by {}", shown.report.device);
+    }
+}
+
 fn main() {
     let home = std::env::temp_dir().join(format!("voxclay-bench-{}", std::process::id()));
     let start = Start { files: vec!["phantom:head:256".to_owned()], backend: Backend::Auto, home: Home::at(&home) };
@@ -70,13 +162,6 @@ fn main() {
         },
         None,
     );
-    let until = |h: &mut Harness<'static, Option<Modeller>>, so: &dyn Fn(&Modeller) -> bool| {
-        let started = Instant::now();
-        while !h.state().as_ref().is_some_and(so) && started.elapsed() < Duration::from_secs(120) {
-            h.step();
-            std::thread::sleep(Duration::from_millis(4));
-        }
-    };
     until(&mut h, &|m| m.desk.as_ref().is_some_and(|d| d.object.is_some()));
     if let Some(m) = h.state_mut() {
         m.edit(Edit::SetProxy(ProxySource::Auto { iso: None }));
@@ -101,65 +186,16 @@ fn main() {
     });
     let triangles = h.state().as_ref().and_then(|m| Some(m.desk.as_ref()?.object.as_ref()?.1.mesh.triangles.len()));
     let at = h.get_by_label("Main view").rect().center() + Vec2::new(0.0, 40.0);
-    if let Some(m) = h.state_mut() {
-        m.trace = Trace::default();
-    }
-    let press = |pressed, pos| egui::Event::PointerButton {
-        pos,
-        button: PointerButton::Primary,
-        pressed,
-        modifiers: Modifiers::NONE,
-    };
-    h.event(press(true, at));
-    h.step();
-    let mut pos = at;
-    let mut largest = Vec::with_capacity(EVENTS);
-    let mut coarse = Vec::with_capacity(EVENTS);
-    for i in 0..EVENTS {
-        let a = i as f32 * 0.05;
-        pos = at + 60.0 * Vec2::new(a.sin(), 1.0 - a.cos());
-        h.event(egui::Event::PointerMoved(pos));
-        h.step();
-        // a mouse that reports at 60 Hz
-        std::thread::sleep(Duration::from_millis(12));
-        if let Some(shown) = h.state().as_ref().and_then(|m| m.shown.as_ref()).filter(|s| s.moving) {
-            coarse.push((shown.report.slices, shown.scale));
-        }
-        // the first event makes what the stroke needs
-        if i > 0 {
-            largest.push(LARGEST.swap(0, Ordering::Relaxed));
-        }
-        ON.store(true, Ordering::Relaxed);
-    }
-    ON.store(false, Ordering::Relaxed);
-    let bytes = BYTES.load(Ordering::Relaxed) / largest.len();
-    h.event(press(false, pos));
-    h.step();
-    until(&mut h, &|m| m.shown.as_ref().is_some_and(|s| s.last && !s.moving));
     println!("head 256^3, hull of {} triangles, 10 displacement volumes", triangles.unwrap_or(0));
-    if let (Some(few), Some(many)) = (coarse.iter().map(|c| c.0).min(), coarse.iter().map(|c| c.0).max()) {
-        let scales = || coarse.iter().map(|c| c.1);
-        let (small, large) = (scales().fold(1.0, f32::min), scales().fold(0.0, f32::max));
-        println!("coarse pictures: {few} to {many} slices, {small:.2} to {large:.2} of the resolution");
+    let slices = pull(&mut h, at);
+    print(&h, "slices", &slices);
+    if let Some(m) = h.state_mut() {
+        m.view.mode = Mode::Spline;
     }
-    println!("{:<18} {:>8} {:>8} {:>8} {:>6}", "ms", "median", "95 %", "worst", "count");
-    let Some(m) = h.state() else { return };
-    for (name, series) in m.trace.rows() {
-        let ms = |q: f32| series.quantile(q).unwrap_or(f32::NAN);
-        println!("{name:<18} {:>8.2} {:>8.2} {:>8.2} {:>6}", ms(0.5), ms(0.95), series.worst, series.count);
-    }
-    largest.sort_unstable();
-    let kib = |bytes: usize| bytes as f64 / 1024.0;
-    let volume = m.desk.as_ref().map_or(0, |d| d.data.volume.samples.bytes().len());
-    println!(
-        "memory asked for, KiB: {:.0} an event; largest block, median of the events {:.0}, worst {:.0}; the volume has {:.0}",
-        kib(bytes),
-        kib(largest[largest.len() / 2]),
-        kib(largest[largest.len() - 1]),
-        kib(volume),
-    );
-    if let Some(shown) = &m.shown {
-        println!("drawn by {}", shown.report.device);
-    }
+    until(&mut h, &|m| rested(m) && m.shown.as_ref().is_some_and(|s| s.report.slices == 0));
+    // what the next stroke needs is made behind that picture
+    std::thread::sleep(Duration::from_secs(1));
+    let surface = pull(&mut h, at);
+    print(&h, "smooth surface", &surface);
     let _ = std::fs::remove_dir_all(home);
 }

@@ -342,7 +342,7 @@ pub fn status_bar(m: &mut Modeller, ui: &mut egui::Ui) {
             }
             if let Some(desk) = m.desk.as_ref().filter(|d| d.data.basis.steps > 1) {
                 let (step, steps) = (desk.history.document().step, desk.data.basis.steps);
-                ui.label(RichText::new(format!("step {step} of 0 to {}", steps - 1)).monospace().size(11.0));
+                ui.label(RichText::new(format!("step {step} (0 to {})", steps - 1)).monospace().size(11.0));
                 if step != desk.data.step {
                     ui.add(egui::Spinner::new().size(12.0)).on_hover_text("It is being read");
                 }

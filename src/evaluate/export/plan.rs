@@ -41,7 +41,12 @@ fn grown<T: Fetch>(
 /// The stored value beyond the input, not yet rounded to the sample type: of the given real value, or by default the lowest
 /// of a scalar volume and 0 in every channel of others.
 pub fn stored_outside(volume: &Volume, real: Option<f64>) -> f64 {
-    outside(volume, real, &stored_statistics(volume))
+    match real {
+        Some(real) => volume.rescale.stored(real),
+        // nothing is to be found out
+        None if volume.channels > 1 => 0.0,
+        None => outside(volume, None, &stored_statistics(volume)),
+    }
 }
 
 /// The same where the statistics of the stored values are at hand.

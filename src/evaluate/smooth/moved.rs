@@ -38,7 +38,9 @@ impl VoxelMap for InVoxels {
 pub(super) fn through(object: &Object, spline: Arc<Spline>) -> Result<(Through, Grid), EvaluateError> {
     let map = object.stack.prepared();
     let rest = &object.volume.grid;
-    let options = ExportOptions { grid: GridChoice::SameGrown, ..ExportOptions::default() };
+    // as an export takes it by default, but known: looking for it would cost more than all else here
+    let outside = (object.volume.channels == 1).then_some(object.field.range[0]);
+    let options = ExportOptions { grid: GridChoice::SameGrown, outside, ..ExportOptions::default() };
     let grid = output_grid(&object.volume, &map, &options)?;
     let voxel_from_world = rest.voxel_from_world();
     let lower = voxel_from_world.transform_point3(grid.world_from_voxel.translation).round().to_array();
