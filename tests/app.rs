@@ -685,7 +685,7 @@ fn a_monkey_breaks_nothing() {
             7 | 8 => key(&mut h, Modifiers::COMMAND, Key::Z),
             9 => key(&mut h, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z),
             10 => {
-                let mode = [Key::Num1, Key::Num1, Key::Num2, Key::Num3][random(4) as usize];
+                let mode = [Key::Num1, Key::Num2, Key::Num3, Key::Num4][random(4) as usize];
                 key(&mut h, Modifiers::NONE, mode);
             }
             11 | 12 => {
