@@ -6,17 +6,18 @@ use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
 use eframe::egui::{self, Key, Modifiers, PointerButton, Vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
-use voxclay::app::settings::Home;
-use voxclay::app::{Modeller, Start};
+use voxclay::app::Modeller;
 use voxclay::evaluate::load::{Data, Workspace};
-use voxclay::evaluate::picture::{Backend, Mode};
+use voxclay::evaluate::picture::Mode;
 use voxclay::evaluate::{open, series};
 use voxclay::io::{self, WriteOptions};
 use voxclay::scene::{Document, Edit, History, Kept, ProxySource, VolumeSource, read_project, write_project};
 use voxclay::volume::{Grid, Samples, Volume};
+
+mod window;
+use window::{Bench, key, m, modeller, until};
 
 const N: usize = 24;
 const STEPS: usize = 5;
@@ -232,36 +233,12 @@ fn commands_take_a_step() {
     assert_eq!(voxclay(dir, "render ball.nii --step last -o p.png").0, Some(2));
 }
 
-type Bench = Harness<'static, Option<Modeller>>;
-
-fn modeller(word: &Path, home: &Path) -> Bench {
-    let start = Start { files: vec![word.to_string_lossy().into_owned()], backend: Backend::Cpu, home: Home::at(home) };
-    let mut h = Harness::builder().with_size([1200.0, 800.0]).with_step_dt(1.0 / 60.0).build_ui_state(
-        move |ui: &mut egui::Ui, m: &mut Option<Modeller>| {
-            m.get_or_insert_with(|| Modeller::new(ui.ctx(), start.clone())).ui(ui);
-        },
-        None,
-    );
-    until(&mut h, "the object", |m| m.desk.as_ref().is_some_and(|d| d.object.is_some()));
+/// On a series, with the panel that has its slider.
+fn on_series(path: &Path, home: &Path) -> Bench {
+    let mut h = modeller(&path.to_string_lossy(), home);
     h.get_by_label("Object").click();
     h.run_steps(3);
     h
-}
-
-fn until(h: &mut Bench, what: &str, so: impl Fn(&Modeller) -> bool) {
-    let started = Instant::now();
-    loop {
-        h.step();
-        if h.state().as_ref().is_some_and(&so) {
-            return;
-        }
-        assert!(started.elapsed() < Duration::from_secs(120), "{what} did not come");
-        std::thread::sleep(Duration::from_millis(4));
-    }
-}
-
-fn m(h: &mut Bench) -> &mut Modeller {
-    h.state_mut().as_mut().unwrap()
 }
 
 /// The step that the object in view is of.
@@ -278,16 +255,10 @@ fn settled(h: &mut Bench, step: usize) {
     until(h, "its full picture", |m| m.shown.as_ref().is_some_and(|s| s.last) && since.elapsed() > REST);
 }
 
-fn key(h: &mut Bench, modifiers: Modifiers, key: Key) {
-    h.key_press_modifiers(modifiers, key);
-    h.step();
-    h.step();
-}
-
 #[test]
 fn the_modeller_goes_through_a_series() {
     let home = tempfile::tempdir().unwrap();
-    let mut h = modeller(&nifti(home.path()), home.path());
+    let mut h = on_series(&nifti(home.path()), home.path());
     settled(&mut h, 0);
     let window = |m: &Modeller| m.desk.as_ref().unwrap().object.as_ref().map(|(_, o)| (o.window, o.iso)).unwrap();
     let shown = window(m(&mut h));
@@ -365,7 +336,7 @@ fn the_modeller_goes_through_a_series() {
 #[test]
 fn a_step_that_does_not_fit_leaves_the_picture() {
     let home = tempfile::tempdir().unwrap();
-    let mut h = modeller(&numbered(home.path()), home.path());
+    let mut h = on_series(&numbered(home.path()), home.path());
     settled(&mut h, 0);
     m(&mut h).show_step(3);
     settled(&mut h, 3);
@@ -392,7 +363,7 @@ fn one_volume_has_no_slider() {
     let home = tempfile::tempdir().unwrap();
     let path = home.path().join("one.nrrd");
     io::write_volume(&path, &volume([N; 3], ball(0)), &WriteOptions::default()).unwrap();
-    let mut h = modeller(&path, home.path());
+    let mut h = on_series(&path, home.path());
     assert!(h.query_by_label("Step").is_none() && h.query_by_label("Play (Space)").is_none());
     key(&mut h, Modifiers::NONE, Key::Space);
     assert!(!m(&mut h).player.playing);
@@ -405,7 +376,7 @@ fn a_project_of_a_lost_step_opens() {
     nifti(home.path());
     let path = home.path().join("a.voxclay");
     std::fs::write(&path, r#"{ "voxclay": 1, "document": { "volume": { "file": "ball.nii" }, "step": 7 } }"#).unwrap();
-    let mut h = modeller(&path, home.path());
+    let mut h = on_series(&path, home.path());
     assert_eq!(in_view(m(&mut h)), Some(0));
     assert!(m(&mut h).notices.iter().any(|n| n.text.contains("there is no step 7")));
 }

@@ -5,8 +5,8 @@
 //! The window holds no geometry. It turns what the user does into [`Edit`](crate::scene::Edit)s of a small document with a
 //! [`History`](crate::scene::History), asks the [`worker`] for pictures of it, and shows what comes: coarse while the
 //! hand moves, finer when it rests. Only the newest wish counts; answers carry a generation. Long work is a [task](tasks)
-//! with a line in the status bar; the steps of a series in time come from a reader of their own. So a pass of the interface never waits: for the device, the disk or a lock that is held
-//! long.
+//! with a line in the status bar; the steps of a series in time come from a reader of their own. So a pass of the interface
+//! never waits: for the device, the disk or a lock that is held long.
 //!
 //! # Practice
 //!
@@ -21,6 +21,7 @@ mod gizmo;
 mod grips;
 mod heat;
 mod keys;
+mod mailbox;
 mod menu;
 mod modeller;
 pub mod navigate;

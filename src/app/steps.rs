@@ -3,13 +3,13 @@
 //! The document says which step is to be seen; what is at hand follows as soon as it is read, and until then the step before
 //! stays. Only the newest wish counts. Steps that were seen and those that come next are kept in memory.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui;
 
+use super::mailbox::Mailbox;
 use super::modeller::Modeller;
 use super::state::Doing;
 use crate::evaluate::load::Data;
@@ -39,10 +39,14 @@ pub struct Arrival {
 
 #[derive(Default)]
 struct Shared {
-    wish: Mutex<Option<Wish>>,
-    awake: Condvar,
+    wishes: Mailbox<Wish>,
     kept: Mutex<Kept>,
-    quit: AtomicBool,
+}
+
+impl Shared {
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// Steps in memory, those used last at the end.
@@ -78,10 +82,6 @@ fn bytes(data: &Data) -> usize {
     data.volume.samples.bytes().len() + texels
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// The window's end of the thread that reads.
 pub struct Reader {
     shared: Arc<Shared>,
@@ -101,37 +101,33 @@ impl Reader {
 
     /// Asks for a step in place of what was asked for before. What is in memory is returned at once.
     fn want(&self, wish: Wish) -> Option<Arc<Data>> {
-        let found = lock(&self.shared.kept).get(&wish.basis, wish.step);
+        let found = self.shared.kept().get(&wish.basis, wish.step);
         // also where it is there: the thread reads on
-        *lock(&self.shared.wish) = Some(wish);
-        self.shared.awake.notify_one();
+        self.shared.wishes.put(wish);
         found
     }
 
     fn keep(&self, data: Arc<Data>) {
-        lock(&self.shared.kept).put(data, BUDGET);
+        self.shared.kept().put(data, BUDGET);
     }
 }
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        self.shared.quit.store(true, Ordering::SeqCst);
-        // with the lock, so that the thread is either before its look at `quit` or waiting
-        drop(lock(&self.shared.wish));
-        // not waited for: a step of a large file may take long
-        self.shared.awake.notify_one();
+        // the thread is not waited for: a step of a large file may take long
+        self.shared.wishes.close();
     }
 }
 
 fn run(shared: &Shared, send: &Sender<Arrival>, ctx: &egui::Context) {
-    while let Some(wish) = next(shared) {
+    while let Some(wish) = shared.wishes.wait() {
         let data = read(shared, &wish, wish.step);
         let room = data.as_ref().map_or(0, |d| BUDGET / bytes(d).max(1));
         let _ = send.send(Arrival { basis: wish.basis.clone(), step: wish.step, data });
         ctx.request_repaint();
         // what cannot be read is said when it is wanted
         for ahead in 1..=AHEAD.min(room.saturating_sub(1)) {
-            if lock(&shared.wish).is_some() || shared.quit.load(Ordering::SeqCst) {
+            if shared.wishes.calls() {
                 break;
             }
             let _ = read(shared, &wish, (wish.step + ahead) % wish.basis.steps);
@@ -139,22 +135,9 @@ fn run(shared: &Shared, send: &Sender<Arrival>, ctx: &egui::Context) {
     }
 }
 
-fn next(shared: &Shared) -> Option<Wish> {
-    let mut wish = lock(&shared.wish);
-    loop {
-        if shared.quit.load(Ordering::SeqCst) {
-            return None;
-        }
-        if let Some(wish) = wish.take() {
-            return Some(wish);
-        }
-        wish = shared.awake.wait(wish).unwrap_or_else(PoisonError::into_inner);
-    }
-}
-
 /// A step from memory or from its file.
 fn read(shared: &Shared, wish: &Wish, step: usize) -> Result<Arc<Data>, String> {
-    if let Some(data) = lock(&shared.kept).get(&wish.basis, step) {
+    if let Some(data) = shared.kept().get(&wish.basis, step) {
         return Ok(data);
     }
     let read = || Data::at_step(&wish.basis, step).map_err(|e| e.to_string());
@@ -162,7 +145,7 @@ fn read(shared: &Shared, wish: &Wish, step: usize) -> Result<Arc<Data>, String> 
     let data = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read))
         .unwrap_or_else(|_| Err(format!("something went wrong inside while step {step} was read")))?;
     let data = Arc::new(data);
-    lock(&shared.kept).put(data.clone(), BUDGET);
+    shared.kept().put(data.clone(), BUDGET);
     Ok(data)
 }
 

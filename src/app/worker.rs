@@ -5,14 +5,15 @@
 //! there is a newer wish. How coarse is chosen from measured times.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Instant;
 
 use eframe::egui::{self, ColorImage};
 use glam::DVec3;
 
+use super::mailbox::Mailbox;
 use super::pace::Pace;
 use super::shown::{OtherShown, Sections, Shown, against, image, tessellation};
 use super::soften;
@@ -92,13 +93,11 @@ pub enum News {
     Failed(String),
 }
 
+#[derive(Default)]
 struct Shared {
-    wish: Mutex<Option<(u64, Instant, Want)>>,
-    awake: Condvar,
+    wishes: Mailbox<(u64, Instant, Want)>,
     /// Of the newest wish.
     newest: AtomicU64,
-    /// The window has closed.
-    quit: std::sync::atomic::AtomicBool,
 }
 
 /// The window's end.
@@ -111,12 +110,7 @@ pub struct Worker {
 impl Worker {
     /// Starts the thread; `ctx` is woken whenever there is news.
     pub fn new(ctx: &egui::Context, backend: Backend) -> Self {
-        let shared = Arc::new(Shared {
-            wish: Mutex::new(None),
-            awake: Condvar::new(),
-            newest: AtomicU64::new(0),
-            quit: false.into(),
-        });
+        let shared = Arc::new(Shared::default());
         let (send, news) = channel();
         let (theirs, ctx) = (shared.clone(), ctx.clone());
         let thread = std::thread::Builder::new().name("pictures".to_owned()).spawn(move || {
@@ -143,8 +137,7 @@ impl Worker {
     /// Replaces what was wanted before.
     pub fn want(&self, want: Want) -> u64 {
         let generation = self.shared.newest.fetch_add(1, Ordering::SeqCst) + 1;
-        *self.shared.wish.lock().unwrap_or_else(PoisonError::into_inner) = Some((generation, Instant::now(), want));
-        self.shared.awake.notify_one();
+        self.shared.wishes.put((generation, Instant::now(), want));
         generation
     }
 
@@ -155,9 +148,8 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        self.shared.quit.store(true, Ordering::SeqCst);
         self.shared.newest.fetch_add(1, Ordering::SeqCst);
-        self.shared.awake.notify_one();
+        self.shared.wishes.close();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -214,7 +206,7 @@ struct Known {
 
 impl Painter {
     fn run(&mut self) {
-        while let Some((generation, asked, want)) = self.next() {
+        while let Some((generation, asked, want)) = self.shared.wishes.wait() {
             if let Err(e) = self.serve(generation, asked, &want) {
                 self.say(News::Failed(e.to_string()));
                 if matches!(e, EvaluateError::Gpu(_)) {
@@ -223,19 +215,6 @@ impl Painter {
                     self.backend = Backend::Cpu;
                 }
             }
-        }
-    }
-
-    fn next(&self) -> Option<(u64, Instant, Want)> {
-        let mut wish = self.shared.wish.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            if self.shared.quit.load(Ordering::SeqCst) {
-                return None;
-            }
-            if let Some(w) = wish.take() {
-                return Some(w);
-            }
-            wish = self.shared.awake.wait(wish).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
@@ -255,7 +234,7 @@ impl Painter {
         let stale = move || shared.newest.load(Ordering::SeqCst) != generation;
         let factor = if want.other.is_some() { 0.5 } else { 1.0 };
         let budget = f64::from(want.budget) * factor;
-        let smooth = want.mode == Mode::Spline && self.renderer.as_ref().is_some_and(|r| r.surface_is_ready(&object));
+        let smooth = want.mode == Mode::Spline && self.surface_is_ready(&object);
         let coarse = if smooth {
             self.surfaces.coarse(want.size, 1.0, budget)
         } else {
@@ -436,6 +415,11 @@ impl Painter {
         Ok(())
     }
 
+    /// Whether a smooth surface can follow the hand.
+    fn surface_is_ready(&self, object: &Object) -> bool {
+        self.renderer.as_ref().is_some_and(|r| r.surface_is_ready(object))
+    }
+
     /// One picture. Tetrahedra are too slow for the hand, and so is making a spline: while something moves, slices stand for
     /// them.
     fn draw(
@@ -450,7 +434,7 @@ impl Painter {
         let mut object = object.clone();
         let mut mode = options.mode;
         let mut look = *look;
-        if mode == Mode::Spline && coarse && !self.renderer.as_ref().is_some_and(|r| r.surface_is_ready(&object)) {
+        if mode == Mode::Spline && coarse && !self.surface_is_ready(&object) {
             mode = Mode::Slicing;
             if !matches!(look.shading, Shading::Iso { .. }) {
                 look.shading = LookSpec { shading: ShadingSpec::Iso { value: None }, ..LookSpec::default() }

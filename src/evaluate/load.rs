@@ -284,7 +284,8 @@ impl Workspace {
     }
 }
 
-/// Reads a volume file, of a series the first step, or makes the phantom a name such as `phantom:head` or `phantom:head:192` stands for.
+/// Reads a volume file, of a series the first step, or makes the phantom a name such as `phantom:head` or `phantom:head:192`
+/// stands for.
 ///
 /// # Errors
 /// If the file cannot be read, or there is no such phantom.
@@ -340,6 +341,11 @@ impl Object {
     pub fn camera(&self, spec: &CameraSpec) -> Camera {
         let (center, radius) = self.focus;
         spec.camera(self.volume.grid.space, center, radius)
+    }
+
+    /// Whether it is anything else than its volume as a whole, where it lies.
+    pub fn is_sculpted(&self) -> bool {
+        self.shaped || self.stack.active().next().is_some()
     }
 }
 

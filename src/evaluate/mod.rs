@@ -1,10 +1,9 @@
 //! L4: from the document to what is derived from it, on the CPU or the GPU.
 //!
-//! [`load::load`] brings a document's data into memory, of a series in time ([`series`]) one step, [`geometry`] makes slices of it for a view, [`picture`] draws them,
-//! [`pick`] finds what a ray meets, [`section`] cuts through, [`resample`] exports the deformed volume, [`tets`] does both
-//! through a lattice of tetrahedra, [`surface`] makes meshes of smooth iso-surfaces, and
-//! `smooth` pictures. [`certificate`] says what
-//! an export is worth, [`compare`] what each mode is.
+//! [`load::load`] brings a document's data into memory, of a series in time ([`series`]) one step, [`geometry`] makes slices of
+//! it for a view, [`picture`] draws them, [`pick`] finds what a ray meets, [`section`] cuts through, [`resample`] exports the
+//! deformed volume, [`tets`] does both through a lattice of tetrahedra, [`surface`] makes meshes of smooth iso-surfaces, and
+//! `smooth` pictures. [`certificate`] says what an export is worth, [`compare`] what each mode is.
 
 pub mod certificate;
 mod clip;

@@ -108,7 +108,7 @@ pub(super) fn steps(object: &Object, asked: Option<u32>) -> u32 {
 
 /// The volume as it was sculpted: the object's own if nothing was done to it.
 pub(super) fn sculpted(object: &Object) -> Result<Cow<'_, Volume>, EvaluateError> {
-    if object.stack.active().next().is_none() && !object.shaped {
+    if !object.is_sculpted() {
         return Ok(Cow::Borrowed(&object.volume));
     }
     let floats = match object.volume.samples {

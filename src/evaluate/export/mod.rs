@@ -218,7 +218,7 @@ fn typed<T: Fetch, E: From<ExportError>>(
     let clock = Instant::now();
     let input = &volume.grid;
     let facts = stored_statistics(volume);
-    let outside = plan::outside(volume, options.outside, &facts);
+    let outside = plan::outside(volume, options.outside, || facts);
     let boxes = map.supports();
     let base = grid::ungrown(input, options.grid)?;
     if base.len() as u64 > options.limit {

@@ -41,21 +41,20 @@ fn grown<T: Fetch>(
 /// The stored value beyond the input, not yet rounded to the sample type: of the given real value, or by default the lowest
 /// of a scalar volume and 0 in every channel of others.
 pub fn stored_outside(volume: &Volume, real: Option<f64>) -> f64 {
-    match real {
-        Some(real) => volume.rescale.stored(real),
-        // nothing is to be found out
-        None if volume.channels > 1 => 0.0,
-        None => outside(volume, None, &stored_statistics(volume)),
-    }
+    outside(volume, real, || stored_statistics(volume))
 }
 
-/// The same where the statistics of the stored values are at hand.
-pub(super) fn outside(volume: &Volume, real: Option<f64>, facts: &Statistics) -> f64 {
-    match real {
-        Some(real) => volume.rescale.stored(real),
-        // the lowest real value is the highest stored one where the slope is negative
-        None if volume.channels == 1 && volume.rescale.slope < 0.0 && facts.max.is_finite() => facts.max,
-        None if volume.channels == 1 && volume.rescale.slope > 0.0 && facts.min.is_finite() => facts.min,
-        None => 0.0,
+/// The same; `facts`, the statistics of the stored values, are asked for only where they matter.
+pub(super) fn outside(volume: &Volume, real: Option<f64>, facts: impl FnOnce() -> Statistics) -> f64 {
+    if let Some(real) = real {
+        return volume.rescale.stored(real);
     }
+    let slope = volume.rescale.slope;
+    if volume.channels != 1 || slope == 0.0 || slope.is_nan() {
+        return 0.0;
+    }
+    let Statistics { min, max, .. } = facts();
+    // the lowest real value is the highest stored one where the slope is negative
+    let lowest = if slope < 0.0 { max } else { min };
+    if lowest.is_finite() { lowest } else { 0.0 }
 }

@@ -144,10 +144,6 @@ impl Smooth {
     }
 }
 
-fn deformed(object: &Object) -> bool {
-    object.stack.active().next().is_some() || object.shaped
-}
-
 /// What pictures leave behind for the next one.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
@@ -174,7 +170,7 @@ impl Kept {
     }
 
     fn made_of(&self, object: &Object, corrections: Option<u32>) -> MadeOf {
-        MadeOf::new(object, corrections, self.look.direct && deformed(object))
+        MadeOf::new(object, corrections, self.look.direct && object.is_sculpted())
     }
 
     /// The spline of the undeformed volume, wherever it is.
@@ -209,7 +205,7 @@ impl Kept {
         }
         // a stroke does not change what lies under it
         let rest = self.rest(&made_of);
-        if draft && deformed(object) {
+        if draft && object.is_sculpted() {
             let made_of = MadeOf { mesh: None, direct: true, ..made_of };
             if self.passing.as_ref().is_none_or(|kept| !kept.made_of.same(&made_of)) {
                 self.passing = None;
@@ -281,10 +277,9 @@ pub(super) fn picture(
         *shaded &= !fresh;
     }
     let mut drawn = None;
-    if let Some(gpu) = gpu {
-        if stand_in {
-            // what lasts a moment needs no explanation
-        } else if smooth.through.is_some() {
+    // what stands in for a moment is drawn on the CPU, without a word about it
+    if let Some(gpu) = gpu.filter(|_| !stand_in) {
+        if smooth.through.is_some() {
             report.warnings.push("the surface was drawn on the CPU, which alone sees it through strokes".into());
         } else {
             match on_gpu(gpu, (pass, uploaded, shaded), *coefficients, smooth, &mut report, |pass| {

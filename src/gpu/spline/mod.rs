@@ -28,8 +28,8 @@
 //! # Practice
 //!
 //! Coefficients are worked out from the 27 samples by the vertex stage, or by the classification, which has them in hand, and
-//! stored: all 20 of a tetrahedron, or 56 of a cube, from which the vertex stage gets the others ([`Coefficients`]). Lists have room for surfaces of the usual size; what was missing is known after the picture,
-//! and then it is done again with more.
+//! stored: all 20 of a tetrahedron, or 56 of a cube, from which the vertex stage gets the others ([`Coefficients`]). Lists have
+//! room for surfaces of the usual size; what was missing is known after the picture, and then it is done again with more.
 
 mod classify;
 mod draw;
