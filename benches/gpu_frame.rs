@@ -164,6 +164,8 @@ fn against_quads(renderer: &mut Renderer, field: &Field, table: &ClassTable, loo
     let count = fragments(&geometry, &culled, &frame);
     let quads = Arc::new(quads(count, &geometry, &frame));
     let mut times = [Vec::new(), Vec::new()];
+    // the quads would hide each other
+    renderer.set_stopping(false);
     for round in 0..=ROUNDS {
         for (i, (geometry, culling)) in [(&geometry, true), (&quads, false)].into_iter().enumerate() {
             renderer.set_geometry(geometry);
@@ -178,6 +180,7 @@ fn against_quads(renderer: &mut Renderer, field: &Field, table: &ClassTable, loo
         }
     }
     renderer.set_culling(true);
+    renderer.set_stopping(true);
     let ([slices, least], [plain, plain_least]) = {
         let [a, b] = times.each_ref().map(|t| middle(t));
         ([a.0, a.1], [b.0, b.1])

@@ -4,7 +4,11 @@
 
 @fragment
 fn resolve_main(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    let color = textureLoad(accumulated, vec2i(at.xy), 0);
+    var color = textureLoad(accumulated, vec2i(at.xy), 0);
+    if color.a > 1.0 - FINISHED {
+        // what lies behind was not drawn
+        color /= color.a;
+    }
     if MIP {
         // the value as grey, where anything was drawn
         if color.a > 0.0 {

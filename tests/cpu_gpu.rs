@@ -332,6 +332,36 @@ fn a_renderer_follows_what_is_set() {
     assert!(renderer.draw(&empty).is_ok(), "a refused picture leaves everything in order");
 }
 
+/// Behind opaque pixels nothing is drawn, and the picture is as if it were, up to what such pixels let through.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn what_lies_behind_opaque_pixels_changes_nothing() {
+    let gpu = gpu();
+    let mut renderer = Renderer::new(gpu).unwrap();
+    let field = Field::from_volume(Arc::new(volume(ScalarType::U8, 1)));
+    renderer.set_field(&field).unwrap();
+    for (opacity, perspective) in [(0.002, false), (0.3, true), (1.0, true)] {
+        let points = tf().points.into_iter().map(|p| ControlPoint { opacity: p.opacity * opacity, ..p }).collect();
+        let table = Arc::new(ClassTable::build(&TransferFunction { points, ..tf() }, 1.0, true));
+        let camera = camera(perspective);
+        let geometry = Arc::new(box_slices(&field.grid, &camera, &Identity, 1.0, 0));
+        renderer.set_table(&table);
+        renderer.set_geometry(&geometry);
+        for background in [[0.0; 3], [1.0; 3]] {
+            let look = Look { lit: true, background: [background; 2], ..Look::default() };
+            let frame = Frame::new(&camera, &look, &field, [0.0, 255.0], &geometry, 96, 80);
+            let [with, without] = [true, false].map(|on| {
+                renderer.set_stopping(on);
+                renderer.draw(&frame).unwrap()
+            });
+            let worst = with.pixels.as_flattened().iter().zip(without.pixels.as_flattened());
+            let worst = worst.map(|(a, b)| a.abs_diff(*b)).max();
+            // 1/256 of the light is 13 steps of sRGB in the dark; where one part looks like the next it is far less
+            assert!(worst <= Some(if opacity < 0.01 { 1 } else { 6 }), "{opacity} {background:?}: {worst:?}");
+        }
+    }
+}
+
 /// Slices that cover the whole picture, and of which none hides another: as many fragments as slices times pixels.
 #[test]
 #[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]

@@ -38,6 +38,7 @@ fn every_variant_of_slicing_is_valid() {
 fn the_other_passes_are_valid() {
     validate("resolve", &shader::resolve(false));
     validate("resolve of the maximum", &shader::resolve(true));
+    validate("opaque", &shader::opaque());
     validate("resample", &shader::resample());
     validate("warp claim", &shader::warp_claim());
     for texel in Texel::ALL {

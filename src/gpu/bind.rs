@@ -80,14 +80,26 @@ pub fn cleared(view: &wgpu::TextureView) -> wgpu::RenderPassColorAttachment<'_> 
     }
 }
 
-/// A pipeline that draws one triangle over the whole of a target.
+/// Blends what lies behind under what is there, both premultiplied.
+pub const UNDER: wgpu::BlendState = {
+    let part = wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    };
+    wgpu::BlendState { color: part, alpha: part }
+};
+
+/// A pipeline that draws one triangle over the whole of a target, of colours or depths.
 pub fn fullscreen(
     gpu: &Gpu,
     label: &str,
     layout: &wgpu::PipelineLayout,
     (source, entry): (String, &str),
-    target: wgpu::ColorTargetState,
+    target: Option<wgpu::ColorTargetState>,
+    depth: Option<wgpu::DepthStencilState>,
 ) -> wgpu::RenderPipeline {
+    let targets: Vec<_> = target.into_iter().map(Some).collect();
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(label),
         source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -102,13 +114,13 @@ pub fn fullscreen(
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
+        depth_stencil: depth,
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module: &module,
             entry_point: Some(entry),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(target)],
+            targets: &targets,
         }),
         multiview_mask: None,
         cache: None,

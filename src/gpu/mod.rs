@@ -25,6 +25,7 @@ mod deform;
 mod device;
 mod error;
 pub mod layout;
+mod opaque;
 mod renderer;
 mod resample;
 mod resolve;

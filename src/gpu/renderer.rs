@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::cull::{Visibility, cull};
 use super::deform::MapBuffers;
 use super::layout::ObjectUniform;
+use super::opaque::OpaquePass;
 use super::resolve::{PixelTarget, ResolvePass};
 use super::shader::{Mode, Variant};
 use super::slicing::{GeometryBuffers, SliceTarget, SlicingPass, common_jacobian};
@@ -46,6 +47,7 @@ pub struct Renderer {
     object: Option<Object>,
     slices: Option<Slices>,
     culling: bool,
+    stopping: bool,
     map_layout: wgpu::BindGroupLayout,
     map: MapBuffers,
     map_group: wgpu::BindGroup,
@@ -53,6 +55,7 @@ pub struct Renderer {
     exact: Option<(Stack, Option<DVec3>)>,
     geometry: GeometryBuffers,
     slicing: SlicingPass,
+    opaque: OpaquePass,
     resolve: ResolvePass,
     targets: Option<(SliceTarget, PixelTarget)>,
     timer: Option<Timer>,
@@ -116,6 +119,7 @@ impl Renderer {
         let map_group = map_group(&gpu, &map_layout, &map);
         let slicing = SlicingPass::new(&gpu, [&frame_layout, &object_layout, &map_layout]);
         let resolve = ResolvePass::new(&gpu, &frame_layout)?;
+        let opaque = OpaquePass::new(&gpu, &resolve.pass_layout)?;
         let geometry = GeometryBuffers::new(&gpu)?;
         let timer = Timer::new(&gpu);
         let counter = Counter::new(&gpu);
@@ -131,12 +135,14 @@ impl Renderer {
             object: None,
             slices: None,
             culling: true,
+            stopping: true,
             map_layout,
             map,
             map_group,
             exact: None,
             geometry,
             slicing,
+            opaque,
             resolve,
             targets: None,
             timer,
@@ -231,6 +237,11 @@ impl Renderer {
         }
     }
 
+    /// Whether what lies behind opaque pixels is left out (it is, unless one wants to know what that saves).
+    pub fn set_stopping(&mut self, on: bool) {
+        self.stopping = on;
+    }
+
     /// The slices must be culled again.
     fn stale(&mut self) {
         if let Some(slices) = &mut self.slices {
@@ -296,21 +307,22 @@ impl Renderer {
         let Some((slices, pixels)) = &self.targets else { return Err(GpuError::Refusal("no picture".into())) };
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
-        let stamps = |pass| self.timer.as_ref().map(|t| t.pass(pass));
-        self.slicing.run(
+        let passes = self.slicing.run(
             &mut encoder,
             slices,
             variant.map(|(v, o)| (v, [&self.frame_group, &o.group, &self.map_group])),
             &self.geometry,
-            stamps(0),
+            self.stopping.then_some((&self.opaque, &pixels.group)),
+            self.timer.as_ref(),
             self.counter.as_ref(),
         );
-        self.resolve.run(&mut encoder, pixels, &self.frame_group, mode == Frame::MIP, stamps(1));
+        let stamps = self.timer.as_ref().and_then(|t| t.part(1, true, true));
+        self.resolve.run(&mut encoder, pixels, &self.frame_group, mode == Frame::MIP, stamps);
         if let Some(timer) = &self.timer {
             timer.finish(&mut encoder);
         }
         if let Some(counter) = &self.counter {
-            counter.finish(&mut encoder);
+            counter.finish(&mut encoder, passes);
         }
         self.gpu.queue.submit([encoder.finish()]);
         let picture = pixels.read(&self.gpu)?;
@@ -319,7 +331,7 @@ impl Renderer {
             let [slicing, resolve] = timer.read(&self.gpu)?;
             (self.timings.slicing, self.timings.resolve) = (Some(slicing), Some(resolve));
         }
-        self.fragments = self.counter.as_ref().map(|c| c.read(&self.gpu)).transpose()?;
+        self.fragments = self.counter.as_ref().map(|c| c.read(&self.gpu, passes)).transpose()?;
         Ok(picture)
     }
 

@@ -9,7 +9,7 @@ use crate::render::Picture;
 /// Blends the accumulated picture over the background and encodes it.
 #[derive(Debug)]
 pub struct ResolvePass {
-    pass_layout: wgpu::BindGroupLayout,
+    pub(super) pass_layout: wgpu::BindGroupLayout,
     /// For shading, and for maximum intensity.
     pipelines: [wgpu::RenderPipeline; 2],
 }
@@ -17,7 +17,8 @@ pub struct ResolvePass {
 /// The pixels of one size of picture, with the buffer that they are read back through.
 #[derive(Debug)]
 pub struct PixelTarget {
-    group: wgpu::BindGroup,
+    /// The accumulated picture.
+    pub(super) group: wgpu::BindGroup,
     texture: wgpu::Texture,
     view: wgpu::TextureView,
     readback: wgpu::Buffer,
@@ -141,5 +142,6 @@ impl PixelTarget {
 }
 
 fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, mip: bool) -> wgpu::RenderPipeline {
-    fullscreen(gpu, "resolve", layout, (shader::resolve(mip), "resolve_main"), wgpu::TextureFormat::Rgba8Unorm.into())
+    let target = wgpu::TextureFormat::Rgba8Unorm.into();
+    fullscreen(gpu, "resolve", layout, (shader::resolve(mip), "resolve_main"), Some(target), None)
 }

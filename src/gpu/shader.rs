@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::Coefficients;
-use crate::render::Second;
+use crate::render::{FINISHED, Second};
 use crate::warp::SNAP;
 
 const COMMON: &str = include_str!("../../shaders/common.wgsl");
@@ -31,6 +31,7 @@ const SPLINE_DRAW: &str = include_str!("../../shaders/spline_draw.wgsl");
 const SPLINE_CAP: &str = include_str!("../../shaders/spline_cap.wgsl");
 const SPLINE_LAYER: &str = include_str!("../../shaders/spline_layer.wgsl");
 const SLICING: &str = include_str!("../../shaders/slicing.wgsl");
+const OPAQUE: &str = include_str!("../../shaders/opaque.wgsl");
 const RESOLVE: &str = include_str!("../../shaders/resolve.wgsl");
 
 /// How fragments end up in the picture.
@@ -112,7 +113,12 @@ impl Variant {
 
 /// The shader that turns the accumulated picture into pixels.
 pub fn resolve(mip: bool) -> String {
-    format!("const MIP: bool = {mip};\n{COMMON}{FULLSCREEN}{RESOLVE}")
+    format!("const MIP: bool = {mip};\nconst FINISHED: f32 = {FINISHED:?};\n{COMMON}{FULLSCREEN}{RESOLVE}")
+}
+
+/// The shader that marks pixels behind which nothing can be seen.
+pub fn opaque() -> String {
+    format!("const FINISHED: f32 = {FINISHED:?};\n{FULLSCREEN}{OPAQUE}")
 }
 
 /// The shader that resamples the deformed volume.

@@ -1,22 +1,25 @@
-//! The slices, drawn in one call: back to front with premultiplied `over` (Volume), nearest by depth (Iso), or the largest
-//! value (Mip).
+//! The slices, nearest first: each blended under what is there (Volume), nearest by depth (Iso), or the largest value (Mip).
 
 use std::collections::HashMap;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::bind::{cleared, cleared_depth};
+use super::bind::{UNDER, cleared, cleared_depth};
 use super::cull::Culled;
 use super::layout::grown;
 use super::shader::{Mode, Variant};
-use super::timing::Counter;
+use super::opaque::OpaquePass;
+use super::timing::{Counter, Timer};
 use super::{Gpu, GpuError};
 use crate::render::{SliceGeometry, SliceVertex};
 
 /// The accumulated picture: linear light, premultiplied. 16-bit floats hold the sum of many faint slices without banding.
 pub const ACCUMULATED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// Parts that slices are drawn in, so that what lies behind opaque pixels can be left out.
+const PARTS: u32 = 12;
 
 /// Slice geometry on the device. The buffers grow and are used again.
 #[derive(Debug)]
@@ -172,31 +175,53 @@ impl SlicingPass {
         Ok(())
     }
 
-    /// Records the draw call of a prepared variant with its bind groups; without one the target is only cleared.
+    /// Records the draw calls of a prepared variant with its bind groups, nearest slices first; without one the target is only
+    /// cleared. `opaque` marks pixels between parts of the slices, given the accumulated picture. Returns the number of passes
+    /// that were counted.
+    #[allow(clippy::too_many_arguments)]
     pub fn run(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         target: &SliceTarget,
         variant: Option<(Variant, [&wgpu::BindGroup; 3])>,
         geometry: &GeometryBuffers,
-        timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
+        opaque: Option<(&OpaquePass, &wgpu::BindGroup)>,
+        timer: Option<&Timer>,
         counter: Option<&Counter>,
-    ) {
-        let iso = variant.is_some_and(|(v, _)| v.mode == Mode::Iso);
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("slicing"),
-            color_attachments: &[Some(cleared(&target.color))],
-            depth_stencil_attachment: iso.then(|| cleared_depth(&target.depth)),
-            timestamp_writes: timestamps,
-            ..Default::default()
-        });
-        if let Some(counter) = counter {
-            counter.begin(&mut pass);
+    ) -> u32 {
+        let mode = variant.map(|(v, _)| v.mode);
+        let opaque = opaque.filter(|_| mode == Some(Mode::Volume));
+        let parts = parts(&geometry.slices, if opaque.is_some() { PARTS } else { 1 });
+        let last = parts.len() - 1;
+        for (i, part) in parts.iter().enumerate() {
+            let mut color = cleared(&target.color);
+            let mut depth = cleared_depth(&target.depth);
+            if i > 0 {
+                color.ops.load = wgpu::LoadOp::Load;
+                depth.depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store });
+            } else if last > 0 {
+                depth.depth_ops = depth.depth_ops.map(|ops| wgpu::Operations { store: wgpu::StoreOp::Store, ..ops });
+            }
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("slicing"),
+                color_attachments: &[Some(color)],
+                depth_stencil_attachment: (mode.is_some_and(|m| m != Mode::Mip)).then_some(depth),
+                timestamp_writes: timer.and_then(|t| t.part(0, i == 0, i == last)),
+                ..Default::default()
+            });
+            if let Some(counter) = counter {
+                counter.begin(&mut pass, i as u32);
+            }
+            self.draw(&mut pass, variant, geometry, part);
+            if counter.is_some() {
+                pass.end_pipeline_statistics_query();
+            }
+            drop(pass);
+            if let (Some((opaque, accumulated)), true) = (opaque, i < last) {
+                opaque.run(encoder, target, accumulated);
+            }
         }
-        self.draw(&mut pass, variant, geometry);
-        if counter.is_some() {
-            pass.end_pipeline_statistics_query();
-        }
+        parts.len() as u32
     }
 
     fn draw(
@@ -204,23 +229,38 @@ impl SlicingPass {
         pass: &mut wgpu::RenderPass<'_>,
         variant: Option<(Variant, [&wgpu::BindGroup; 3])>,
         geometry: &GeometryBuffers,
+        slices: &[Range<u32>],
     ) {
         let Some((variant, groups)) = variant else { return };
         let Some(pipeline) = self.pipelines.get(&variant) else { return };
-        if let (Some(far), Some(near)) = (geometry.slices.first(), geometry.slices.last()) {
-            pass.set_pipeline(pipeline);
-            let count = if variant.exact { 3 } else { 2 };
-            groups.into_iter().take(count).zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
-            pass.set_vertex_buffer(0, geometry.vertices.slice(..));
-            pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
-            if variant.mode == Mode::Iso {
-                // nearest first: what lies behind fails the depth test before it is shaded
-                geometry.slices.iter().rev().for_each(|slice| pass.draw_indexed(slice.clone(), 0, 0..1));
-            } else {
-                pass.draw_indexed(far.start..near.end, 0, 0..1);
-            }
+        pass.set_pipeline(pipeline);
+        let count = if variant.exact { 3 } else { 2 };
+        groups.into_iter().take(count).zip(0..).for_each(|(group, i)| pass.set_bind_group(i, group, &[]));
+        pass.set_vertex_buffer(0, geometry.vertices.slice(..));
+        pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
+        for slice in slices.iter().rev().filter(|s| !s.is_empty()) {
+            pass.draw_indexed(slice.clone(), 0, 0..1);
         }
     }
+}
+
+/// Slices (back to front) in up to `count` parts of about as many triangles, the nearest part first; one part at least.
+fn parts(slices: &[Range<u32>], count: u32) -> Vec<&[Range<u32>]> {
+    let (first, end) = (slices.first().map_or(0, |s| s.start), slices.last().map_or(0, |s| s.end));
+    let mut rest = slices;
+    let mut parts: Vec<_> = (1..=count)
+        .map(|k| {
+            let behind = first + (u64::from(end - first) * u64::from(count - k) / u64::from(count)) as u32;
+            let (far, near) = rest.split_at(rest.partition_point(|s| s.end <= behind));
+            rest = far;
+            near
+        })
+        .filter(|part| part.iter().any(|s| !s.is_empty()))
+        .collect();
+    if parts.is_empty() {
+        parts.push(&[]);
+    }
+    parts
 }
 
 fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, variant: Variant) -> wgpu::RenderPipeline {
@@ -249,10 +289,11 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, variant: Variant) -> wgpu:
             })],
         },
         primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: (variant.mode == Mode::Iso).then(|| wgpu::DepthStencilState {
+        depth_stencil: (variant.mode != Mode::Mip).then(|| wgpu::DepthStencilState {
             format: DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Less),
+            depth_write_enabled: Some(variant.mode == Mode::Iso),
+            // the farthest slice may lie at the depth that stands for nothing
+            depth_compare: Some(wgpu::CompareFunction::LessEqual),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
         }),
@@ -264,7 +305,7 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, variant: Variant) -> wgpu:
             targets: &[Some(wgpu::ColorTargetState {
                 format: ACCUMULATED,
                 blend: match variant.mode {
-                    Mode::Volume => Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                    Mode::Volume => Some(UNDER),
                     Mode::Iso => None,
                     Mode::Mip => Some(wgpu::BlendState { color: largest, alpha: largest }),
                 },
@@ -274,4 +315,29 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::PipelineLayout, variant: Variant) -> wgpu:
         multiview_mask: None,
         cache: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_hold_every_slice_once_nearest_first() {
+        let many: Vec<Range<u32>> = (0..50).scan(0, |at, i| {
+            let start = *at;
+            *at += 3 * (i * 7 % 11);
+            Some(start..*at)
+        }).collect();
+        for count in [1, 2, 7, 12, 100] {
+            let parts = parts(&many, count);
+            assert!(!parts.is_empty() && parts.len() <= count as usize);
+            let order: Vec<_> = parts.iter().flat_map(|p| p.iter().rev()).filter(|s| !s.is_empty()).collect();
+            assert!(order.iter().eq(many.iter().rev().filter(|s| !s.is_empty()).collect::<Vec<_>>().iter()));
+            let largest = parts.iter().map(|p| p.iter().map(|s| s.len()).sum::<usize>()).max();
+            let all = many.last().map_or(0, |s| s.end as usize);
+            assert!(largest <= Some(all / count as usize + 33), "{count}");
+        }
+        assert_eq!(parts(&[], 8), [&[] as &[Range<u32>]]);
+        assert_eq!(parts(&[0..0, 0..0], 8).len(), 1);
+    }
 }

@@ -49,13 +49,13 @@ impl Timer {
         })
     }
 
-    /// Stamps for the start and end of pass 0 or 1.
-    pub fn pass(&self, pass: u32) -> wgpu::RenderPassTimestampWrites<'_> {
-        wgpu::RenderPassTimestampWrites {
+    /// Stamps for the start and end of pass 0 or 1, of which this is the first part or the last.
+    pub fn part(&self, pass: u32, first: bool, last: bool) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        (first || last).then(|| wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
-            beginning_of_pass_write_index: Some(2 * pass),
-            end_of_pass_write_index: Some(2 * pass + 1),
-        }
+            beginning_of_pass_write_index: first.then_some(2 * pass),
+            end_of_pass_write_index: last.then_some(2 * pass + 1),
+        })
     }
 
     /// Records the copy of the stamps to the host.
@@ -77,7 +77,7 @@ impl Timer {
     }
 }
 
-/// Counts the fragments of a pass.
+/// Counts the fragments of up to [`Counter::PASSES`] passes.
 #[derive(Debug)]
 pub struct Counter {
     queries: wgpu::QuerySet,
@@ -86,6 +86,8 @@ pub struct Counter {
 }
 
 impl Counter {
+    pub const PASSES: u32 = 32;
+
     /// `None` where the adapter has no pipeline statistics.
     pub fn new(gpu: &Gpu) -> Option<Self> {
         if !gpu.capabilities().statistics {
@@ -94,7 +96,7 @@ impl Counter {
         let buffer = |usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("fragments"),
-                size: 8,
+                size: u64::from(Self::PASSES) * 8,
                 usage,
                 mapped_at_creation: false,
             })
@@ -103,29 +105,31 @@ impl Counter {
             queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("fragments"),
                 ty: wgpu::QueryType::PipelineStatistics(wgpu::PipelineStatisticsTypes::FRAGMENT_SHADER_INVOCATIONS),
-                count: 1,
+                count: Self::PASSES,
             }),
             resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
             readback: buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ),
         })
     }
 
-    /// Counts from here on, in this pass.
-    pub fn begin(&self, pass: &mut wgpu::RenderPass<'_>) {
-        pass.begin_pipeline_statistics_query(&self.queries, 0);
+    /// Counts from here on, in pass number `number`.
+    pub fn begin(&self, pass: &mut wgpu::RenderPass<'_>, number: u32) {
+        pass.begin_pipeline_statistics_query(&self.queries, number);
     }
 
-    /// Records the copy of the count to the host.
-    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.resolve_query_set(&self.queries, 0..1, &self.resolved, 0);
-        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readback, 0, 8);
+    /// Records the copy of the counts of the first passes to the host.
+    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder, passes: u32) {
+        encoder.resolve_query_set(&self.queries, 0..passes, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readback, 0, u64::from(passes) * 8);
     }
 
-    /// Fragments that were shaded, after everything was submitted.
+    /// Fragments that were shaded in the first passes, after everything was submitted.
     ///
     /// # Errors
     /// What the device reported.
-    pub fn read(&self, gpu: &Gpu) -> Result<u64, GpuError> {
-        gpu.read(&self.readback, bytemuck::pod_read_unaligned::<u64>)
+    pub fn read(&self, gpu: &Gpu, passes: u32) -> Result<u64, GpuError> {
+        gpu.read(&self.readback, |bytes| {
+            bytes.as_chunks::<8>().0.iter().take(passes as usize).map(|n| u64::from_ne_bytes(*n)).sum()
+        })
     }
 }

@@ -184,7 +184,7 @@ impl Drawer {
             ..Default::default()
         });
         if let Some(counter) = counter {
-            counter.begin(&mut pass);
+            counter.begin(&mut pass, 0);
         }
         pass.set_bind_group(0, scene.frame, &[]);
         if let Some(pipeline) = &self.caps[kind as usize] {

@@ -1,6 +1,6 @@
 //! Translucent surfaces: layer behind layer, put together from the front.
 
-use crate::gpu::bind::{cleared, fullscreen, group, group_layout};
+use crate::gpu::bind::{UNDER, cleared, fullscreen, group, group_layout};
 use crate::gpu::slicing::{ACCUMULATED, SliceTarget};
 use crate::gpu::{Gpu, GpuError, shader};
 
@@ -78,15 +78,10 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
         bind_group_layouts: &[Some(layout)],
         immediate_size: 0,
     });
-    let under = wgpu::BlendComponent {
-        src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
-        dst_factor: wgpu::BlendFactor::One,
-        operation: wgpu::BlendOperation::Add,
-    };
     let target = wgpu::ColorTargetState {
         format: ACCUMULATED,
-        blend: Some(wgpu::BlendState { color: under, alpha: under }),
+        blend: Some(UNDER),
         write_mask: wgpu::ColorWrites::ALL,
     };
-    fullscreen(gpu, "layer", &layout, (shader::spline_layer(), "layer_main"), target)
+    fullscreen(gpu, "layer", &layout, (shader::spline_layer(), "layer_main"), Some(target), None)
 }

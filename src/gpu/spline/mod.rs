@@ -306,11 +306,11 @@ impl SplinePass {
             self.resolve.run(&mut encoder, pixels, &self.frame_group, false, None);
             let counter = self.counter.as_ref().filter(|_| layers == 0);
             if let Some(counter) = counter {
-                counter.finish(&mut encoder);
+                counter.finish(&mut encoder, 1);
             }
             gpu.queue.submit([encoder.finish()]);
             let picture = pixels.read(gpu)?;
-            let fragments = counter.map(|c| c.read(gpu)).transpose()?;
+            let fragments = counter.map(|c| c.read(gpu, 1)).transpose()?;
             if self.settled(gpu, &isos, &fresh)? {
                 self.fragments = fragments;
                 return Ok(picture);
