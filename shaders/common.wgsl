@@ -26,7 +26,6 @@ struct Frame {
 @group(0) @binding(0) var<uniform> frame: Frame;
 
 const TRANSPARENT: u32 = 4u;
-const STEEP: u32 = 16u;
 
 fn linear_from_srgb(v: vec3f) -> vec3f {
     let low = v / 12.92;

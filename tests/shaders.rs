@@ -31,7 +31,7 @@ fn every_variant_of_slicing_is_valid() {
         assert!(source.contains(&format!("fn {}", v.mode.entry())));
         count += 1;
     }
-    assert_eq!(count, 576);
+    assert_eq!(count, 1152);
 }
 
 #[test]

@@ -295,6 +295,7 @@ impl Renderer {
                 },
                 lit: frame.has(Frame::LIT),
                 second: table.second,
+                steep: frame.has(Frame::STEEP),
                 forward: frame.has(Frame::FORWARD),
                 perspective: frame.eye[3] != 0.0,
                 rgba: object.field.channels == 4,

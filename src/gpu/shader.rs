@@ -62,6 +62,8 @@ pub struct Variant {
     pub lit: bool,
     /// What the table's second axis is.
     pub second: Second,
+    /// Opacity goes by the steepness, too.
+    pub steep: bool,
     /// Forward differences towards the light instead of central ones.
     pub forward: bool,
     pub perspective: bool,
@@ -81,6 +83,7 @@ impl Variant {
             ("LIT", self.lit),
             ("PREINTEGRATED", self.second == Second::Behind),
             ("REGIONS", self.second == Second::Steepness),
+            ("STEEP", self.steep),
             ("FORWARD", self.forward),
             ("PERSPECTIVE", self.perspective),
             ("RGBA", self.rgba),
@@ -97,7 +100,7 @@ impl Variant {
     pub fn all() -> impl Iterator<Item = Self> {
         let kinds = Mode::ALL.into_iter().flat_map(|mode| Second::ALL.map(|second| (mode, second)));
         kinds.flat_map(|(mode, second)| {
-            (0..1 << 6).map(move |i| Self {
+            (0..1 << 7).map(move |i| Self {
                 mode,
                 second,
                 lit: i & 1 != 0,
@@ -106,6 +109,7 @@ impl Variant {
                 rgba: i & 8 != 0,
                 affine: i & 16 != 0,
                 exact: i & 32 != 0,
+                steep: i & 64 != 0,
             })
         })
     }

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::bind::{UNDER, cleared, cleared_depth};
 use super::cull::Culled;
 use super::layout::grown;
-use super::shader::{Mode, Variant};
 use super::opaque::OpaquePass;
+use super::shader::{Mode, Variant};
 use super::timing::{Counter, Timer};
 use super::{Gpu, GpuError};
 use crate::render::{SliceGeometry, SliceVertex};
@@ -323,11 +323,13 @@ mod tests {
 
     #[test]
     fn parts_hold_every_slice_once_nearest_first() {
-        let many: Vec<Range<u32>> = (0..50).scan(0, |at, i| {
-            let start = *at;
-            *at += 3 * (i * 7 % 11);
-            Some(start..*at)
-        }).collect();
+        let many: Vec<Range<u32>> = (0..50)
+            .scan(0, |at, i| {
+                let start = *at;
+                *at += 3 * (i * 7 % 11);
+                Some(start..*at)
+            })
+            .collect();
         for count in [1, 2, 7, 12, 100] {
             let parts = parts(&many, count);
             assert!(!parts.is_empty() && parts.len() <= count as usize);

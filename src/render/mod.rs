@@ -66,8 +66,8 @@ pub use exact::{Exact, Fragment};
 pub use field::{Field, TexelSlice, Texels};
 pub use frame::Frame;
 pub use look::{Gradient, Look, Shading};
-pub use shade::FINISHED;
 pub use picture::{Picture, PictureError};
+pub use shade::FINISHED;
 pub use table::{ClassTable, SIZE as TABLE_SIZE, Second};
 
 use std::ops::Range;

@@ -78,10 +78,6 @@ fn pipeline(gpu: &Gpu, layout: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
         bind_group_layouts: &[Some(layout)],
         immediate_size: 0,
     });
-    let target = wgpu::ColorTargetState {
-        format: ACCUMULATED,
-        blend: Some(UNDER),
-        write_mask: wgpu::ColorWrites::ALL,
-    };
+    let target = wgpu::ColorTargetState { format: ACCUMULATED, blend: Some(UNDER), write_mask: wgpu::ColorWrites::ALL };
     fullscreen(gpu, "layer", &layout, (shader::spline_layer(), "layer_main"), Some(target), None)
 }
