@@ -22,7 +22,13 @@ struct Support {
     corners: [DVec3; 8],
     /// See [`Supports::with_features`].
     feature: f64,
+    /// A point inside its section, where the bounds are those of the section with a plane.
+    middle: Option<DVec3>,
 }
+
+/// The edges of a box, by its corners.
+const EDGES: [[usize; 2]; 12] =
+    [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 /// What the box is shrunk by before it is tested: there a C1 spline is 1e-18 of its peak.
 const HAIR: f64 = 1e-9;
@@ -40,7 +46,15 @@ impl Supports {
                 let (lower, upper) = shape.bounds();
                 let scale = DMat3::from_diagonal((1.0 + HAIR) / shape.half);
                 let local_from_world = scale * shape.axes.transpose();
-                Support { lower, upper, center: shape.center, local_from_world, corners: shape.corners(), feature }
+                Support {
+                    lower,
+                    upper,
+                    center: shape.center,
+                    local_from_world,
+                    corners: shape.corners(),
+                    feature,
+                    middle: None,
+                }
             })
             .collect();
         Self { boxes, feature }
@@ -56,7 +70,7 @@ impl Supports {
     pub fn crossing(&self, normal: DVec3, height: f64, out: &mut Self) {
         out.feature = self.feature;
         out.boxes.clear();
-        out.boxes.extend(self.boxes.iter().filter(|s| s.meets(normal, height)).cloned());
+        out.boxes.extend(self.boxes.iter().filter_map(|s| s.at_plane(normal, height)));
     }
 
     /// Whether nothing is displaced anywhere.
@@ -89,17 +103,28 @@ impl Supports {
         let extent = (upper - lower).length();
         self.boxes.iter().any(|s| {
             let touches = || (0..3).any(|i| s.cuts(t[i], t[(i + 1) % 3]));
-            extent > features * s.feature && !s.apart(lower, upper) && !touches() && s.section_in(t)
+            extent > features * s.feature && !s.apart(lower, upper) && s.section_in(t) && !touches()
         })
     }
 }
 
 impl Support {
-    fn meets(&self, normal: DVec3, height: f64) -> bool {
-        let heights = self.corners.map(|c| normal.dot(c));
+    /// The same with the bounds of its section with a plane; `None` if they do not meet.
+    fn at_plane(&self, normal: DVec3, height: f64) -> Option<Self> {
+        let heights = self.corners.map(|c| normal.dot(c) - height);
         let (lo, hi) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), h| (lo.min(*h), hi.max(*h)));
         let slack = HAIR * (hi - lo);
-        lo - slack <= height && height <= hi + slack
+        if lo > slack || hi < -slack {
+            return None;
+        }
+        let mut here = self.clone();
+        let Some(section) = self.section(heights) else { return Some(here) };
+        // what lies in the plane is there up to rounding
+        let slack = DVec3::splat(HAIR * (self.upper - self.lower).max_element());
+        here.lower = self.lower.max(section.lower - slack);
+        here.upper = self.upper.min(section.upper + slack);
+        here.middle = Some(section.middle);
+        Some(here)
     }
 
     fn apart(&self, lower: DVec3, upper: DVec3) -> bool {
@@ -130,25 +155,43 @@ impl Support {
         from < to
     }
 
-    /// Whether the middle of the places where edges of the box meet the triangle's plane, a point inside the section, lies in
-    /// the triangle. The section may reach up to a side and along it.
+    /// The section with a plane, by the heights of the corners above it; `None` if no edge crosses it.
+    fn section(&self, heights: [f64; 8]) -> Option<Section> {
+        let mut section = Section { lower: DVec3::INFINITY, upper: DVec3::NEG_INFINITY, middle: DVec3::ZERO };
+        let mut count = 0.0;
+        for [i, j] in EDGES {
+            if (heights[i] < 0.0) != (heights[j] < 0.0) {
+                let p = self.corners[i].lerp(self.corners[j], heights[i] / (heights[i] - heights[j]));
+                section.lower = section.lower.min(p);
+                section.upper = section.upper.max(p);
+                section.middle += p;
+                count += 1.0;
+            }
+        }
+        section.middle /= count;
+        (count > 0.0).then_some(section)
+    }
+
+    /// Whether a point inside the section with the triangle's plane lies in the triangle. The section may reach up to a side
+    /// and along it.
     fn section_in(&self, [a, b, c]: [DVec3; 3]) -> bool {
         let normal = (b - a).cross(c - a);
-        let corners = &self.corners;
-        let height = corners.map(|p| normal.dot(p - a));
         let inside = |p: DVec3| {
             let side = |u: DVec3, v: DVec3| normal.dot((v - u).cross(p - u)) > 0.0;
             side(a, b) && side(b, c) && side(c, a)
         };
-        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
-        for i in 0..8 {
-            for j in [1, 2, 4].map(|bit| i | bit) {
-                if (height[i] < 0.0) != (height[j] < 0.0) {
-                    sum += corners[i].lerp(corners[j], height[i] / (height[i] - height[j]));
-                    count += 1.0;
-                }
-            }
-        }
-        count > 0.0 && inside(sum / count)
+        let middle = self.middle.or_else(|| {
+            let section = self.section(self.corners.map(|p| normal.dot(p - a)));
+            section.map(|s| s.middle)
+        });
+        middle.is_some_and(inside)
     }
+}
+
+/// Where a plane cuts a box.
+struct Section {
+    lower: DVec3,
+    upper: DVec3,
+    /// The mean of the places where edges meet the plane.
+    middle: DVec3,
 }

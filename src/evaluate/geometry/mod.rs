@@ -108,6 +108,7 @@ impl Keeper {
         if !(count <= MOST_SLICES) {
             return Err(EvaluateError::TooManySlices(count));
         }
+        let [lo, hi] = if options.refinement == Refinement::Draft { steadied([lo, hi], count) } else { [lo, hi] };
         let planes = Planes::between(frame, lo, hi, count as usize);
         let last = self.last.take();
         // those of the last call take the place of those before
@@ -213,6 +214,13 @@ fn extent(frame: &PlaneFrame, positions: &[DVec3]) -> (f64, f64) {
     let heights = positions.iter().map(|p| frame.height(*p)).filter(|h| h.is_finite());
     let (lo, hi) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), h| (lo.min(h), hi.max(h)));
     if lo <= hi { (lo, hi) } else { (0.0, 0.0) }
+}
+
+/// Widened to multiples of some hundredth of a slice: planes stay where they are while the mesh moves by less, as rounding
+/// alone makes it, and what they hold is kept.
+fn steadied([lo, hi]: [f64; 2], slices: f64) -> [f64; 2] {
+    let unit = ((hi - lo) / slices / 64.0).log2().floor().exp2();
+    if unit.is_normal() { [(lo / unit).floor() * unit, (hi / unit).ceil() * unit] } else { [lo, hi] }
 }
 
 /// The size of a pixel in the world at distance 1 from the eye (perspective) or everywhere (orthographic).
