@@ -234,12 +234,12 @@ fn shaded(hit: Hit) -> vec4f {
     var specular = pow(max(dot(hit.normal, half_way), 1e-6), frame.material.w);
     var ambient = 1.0;
     let start = (hit.place + 0.5) * view.unit.xyz + OFFSET * cell_step(hit.normal);
-    if view.shade.y != 0.0 && diffuse > 0.0 {
+    if SHADOWS && diffuse > 0.0 {
         let lit = direct_light(start, light);
         diffuse *= lit;
         specular *= lit;
     }
-    if view.shade.x != 0.0 {
+    if OCCLUSION {
         let open = ambient_light(start, hit.normal);
         ambient = open * open;
         diffuse *= 0.3 + 0.7 * open;

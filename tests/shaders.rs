@@ -8,7 +8,7 @@ use voxclay::gpu::layout::{
     Affine4, Fixed4, MapUniform, ObjectUniform, ResampleUniform, SplineHead, SplineLevelUniform, SplineViewUniform,
     StepRecord, WarpTet, WarpUniform,
 };
-use voxclay::gpu::shader::{self, Texel, Variant};
+use voxclay::gpu::shader::{self, SplinePaint, Texel, Variant};
 use voxclay::render::Frame;
 
 fn parsed(name: &str, source: &str) -> naga::Module {
@@ -46,12 +46,17 @@ fn the_other_passes_are_valid() {
     }
     validate("spline scan", shader::spline_scan());
     validate("spline classify", &shader::spline_classify());
-    validate("spline cap", &shader::spline_cap());
     validate("spline layer", &shader::spline_layer());
+    for paint in SplinePaint::all() {
+        validate("spline cap", &shader::spline_cap(paint));
+        for coefficients in Coefficients::ALL {
+            validate("spline draw", &shader::spline_draw(coefficients, paint, false));
+        }
+    }
     for coefficients in Coefficients::ALL {
         validate("spline emit", &shader::spline_emit(coefficients));
-        validate("spline draw", &shader::spline_draw(coefficients, false));
-        let early = parsed("spline draw, early", &shader::spline_draw(coefficients, true));
+        let plain = SplinePaint::default();
+        let early = parsed("spline draw, early", &shader::spline_draw(coefficients, plain, true));
         if let Err(e) = Validator::new(ValidationFlags::all(), Capabilities::EARLY_DEPTH_TEST).validate(&early) {
             panic!("spline draw, early: {e:?}");
         }
@@ -100,7 +105,10 @@ fn shared_structs_lie_as_in_rust() {
             over_blocks, blocks, over_chunks, numbers, wanted_blocks, wanted_tets, wanted_cubes,
             first, count, draws);
     }
-    for source in [shader::spline_draw(Coefficients::OnTheFly, false), shader::spline_cap()] {
+    for source in [
+        shader::spline_draw(Coefficients::OnTheFly, SplinePaint::default(), false),
+        shader::spline_cap(SplinePaint::default()),
+    ] {
         same_layout!(source, "View", SplineViewUniform:
             clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
             eye_low, dims, iso, planes, normals, tint, positive, negative, window, shell,

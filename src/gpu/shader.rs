@@ -183,10 +183,35 @@ fn ways(coefficients: Coefficients) -> String {
     )
 }
 
+/// What fragments of smooth surfaces do once the surface is found. Constants of the shader, since a software adapter runs both
+/// sides of a branch, and others keep registers for them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct SplinePaint {
+    /// The surroundings take away ambient light.
+    pub occlusion: bool,
+    /// They take away the light.
+    pub shadows: bool,
+    /// The surface is coloured by its curvature.
+    pub curvature: bool,
+}
+
+impl SplinePaint {
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..8).map(|i| Self { occlusion: i & 1 != 0, shadows: i & 2 != 0, curvature: i & 4 != 0 })
+    }
+
+    fn constants(self) -> String {
+        let Self { occlusion, shadows, curvature } = self;
+        format!(
+            "const OCCLUSION: bool = {occlusion};\nconst SHADOWS: bool = {shadows};\nconst CURVATURE: bool = {curvature};\n"
+        )
+    }
+}
+
 /// The shader that draws them; `early`: what lies behind what was drawn before is left out before its fragments look for the
 /// surface.
-pub fn spline_draw(coefficients: Coefficients, early: bool) -> String {
-    let cones = cones();
+pub fn spline_draw(coefficients: Coefficients, paint: SplinePaint, early: bool) -> String {
+    let (cones, paint) = (cones(), paint.constants());
     let draw = if early {
         SPLINE_DRAW.replace("@fragment\n", "@fragment\n@early_depth_test(greater_equal)\n")
     } else {
@@ -194,14 +219,14 @@ pub fn spline_draw(coefficients: Coefficients, early: bool) -> String {
     };
     format!(
         "{}const EARLY: bool = {early};\n\
-         {cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DETERMINING}{draw}",
+         {paint}{cones}{COMMON}{SPLINE_VIEW}{SPLINE_TEXELS}{SPLINE}{SPLINE_DETERMINING}{draw}",
         ways(coefficients)
     )
 }
 
 /// The shader that draws caps.
-pub fn spline_cap() -> String {
-    [&cones(), COMMON, FULLSCREEN, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
+pub fn spline_cap(paint: SplinePaint) -> String {
+    [&paint.constants(), &cones(), COMMON, FULLSCREEN, SPLINE_VIEW, SPLINE_TEXELS, SPLINE, SPLINE_CAP].concat()
 }
 
 /// The shader that puts layers of surfaces together.

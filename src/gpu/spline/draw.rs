@@ -1,17 +1,21 @@
 //! The tetrahedra of a list, drawn, and caps.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use super::Coefficients;
 use super::classify::{DRAW, Lists, Samples};
 use super::shade::OccupancyTexture;
 use super::size::{BATCH, KINDS};
 use crate::gpu::bind::{SAMPLES, buffer_type, cleared, cleared_depth, group, group_layout};
 use crate::gpu::layout::SplineViewUniform;
+use crate::gpu::shader::SplinePaint;
 use crate::gpu::slicing::{ACCUMULATED, DEPTH, SliceTarget};
 use crate::gpu::timing::Counter;
 use crate::gpu::{Gpu, GpuError, shader};
 
 /// What fragments write.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target {
     Picture,
     /// Normals and depths.
@@ -23,6 +27,14 @@ impl Target {
         match self {
             Self::Picture => ACCUMULATED,
             Self::Probe => wgpu::TextureFormat::Rgba32Float,
+        }
+    }
+
+    /// A probe has no colours.
+    fn paint(self, paint: SplinePaint) -> SplinePaint {
+        match self {
+            Self::Picture => paint,
+            Self::Probe => SplinePaint::default(),
         }
     }
 
@@ -44,9 +56,11 @@ pub struct Drawer {
     uniforms: Vec<wgpu::Buffer>,
     /// Whether depths are tested before fragments are shaded.
     early: bool,
-    /// By target, then by where coefficients come from; made when first used.
-    tets: [[Option<wgpu::RenderPipeline>; 3]; 2],
-    caps: [Option<wgpu::RenderPipeline>; 2],
+    /// Of the views that were set.
+    paint: SplinePaint,
+    /// Made when first used.
+    tets: HashMap<(Target, SplinePaint, Coefficients), wgpu::RenderPipeline>,
+    caps: HashMap<(Target, SplinePaint), wgpu::RenderPipeline>,
 }
 
 /// Faces of a tetrahedron, all turned the same way.
@@ -96,8 +110,9 @@ impl Drawer {
             indices,
             uniforms: Vec::new(),
             early: gpu.capabilities().early_depth,
-            tets: Default::default(),
-            caps: Default::default(),
+            paint: SplinePaint::default(),
+            tets: HashMap::new(),
+            caps: HashMap::new(),
         })
     }
 
@@ -120,27 +135,30 @@ impl Drawer {
         for (buffer, view) in self.uniforms.iter().zip(views) {
             gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(view));
         }
+        self.paint = SplinePaint {
+            occlusion: views.iter().any(|v| v.shade[0] != 0.0),
+            shadows: views.iter().any(|v| v.shade[1] != 0.0),
+            curvature: views.iter().any(|v| v.tint[0] != 0.0),
+        };
         Ok(())
     }
 
-    /// Compiles what has not been used before.
+    /// Compiles what the views that were set need and has not been used before.
     ///
     /// # Errors
     /// [`GpuError::Refusal`].
     pub fn prepare(&mut self, gpu: &Gpu, target: Target, coefficients: Coefficients) -> Result<(), GpuError> {
-        let layout = &self.layout;
-        let tets = &mut self.tets[target as usize][coefficients as usize];
-        if tets.is_none() {
-            let source = shader::spline_draw(coefficients, self.early);
-            *tets = Some(gpu.allocate("a pipeline", 0, || {
+        let paint = target.paint(self.paint);
+        if let Entry::Vacant(tets) = self.tets.entry((target, paint, coefficients)) {
+            let source = shader::spline_draw(coefficients, paint, self.early);
+            tets.insert(gpu.allocate("a pipeline", 0, || {
                 // back faces: those in front may lie behind the eye
-                pipeline(gpu, layout, &source, target, Some(wgpu::Face::Front))
+                pipeline(gpu, &self.layout, &source, target, Some(wgpu::Face::Front))
             })?);
         }
-        let caps = &mut self.caps[target as usize];
-        if caps.is_none() {
-            let source = shader::spline_cap();
-            *caps = Some(gpu.allocate("a pipeline", 0, || pipeline(gpu, layout, &source, target, None))?);
+        if let Entry::Vacant(caps) = self.caps.entry((target, paint)) {
+            let source = shader::spline_cap(paint);
+            caps.insert(gpu.allocate("a pipeline", 0, || pipeline(gpu, &self.layout, &source, target, None))?);
         }
         Ok(())
     }
@@ -187,7 +205,8 @@ impl Drawer {
             counter.begin(&mut pass, 0);
         }
         pass.set_bind_group(0, scene.frame, &[]);
-        if let Some(pipeline) = &self.caps[kind as usize] {
+        let paint = kind.paint(self.paint);
+        if let Some(pipeline) = self.caps.get(&(kind, paint)) {
             pass.set_pipeline(pipeline);
             for ((_, caps), group) in surfaces.iter().zip(&groups) {
                 if *caps {
@@ -197,7 +216,7 @@ impl Drawer {
             }
         }
         for ((lists, _), group) in surfaces.iter().zip(&groups) {
-            if let Some(pipeline) = &self.tets[kind as usize][lists.room.coefficients as usize] {
+            if let Some(pipeline) = self.tets.get(&(kind, paint, lists.room.coefficients)) {
                 pass.set_bind_group(1, group, &[]);
                 pass.set_pipeline(pipeline);
                 pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);

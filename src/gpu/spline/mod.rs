@@ -279,13 +279,13 @@ impl SplinePass {
         shells.sort_by(|a, b| b.iso.total_cmp(&a.iso));
         let isos: Vec<f64> = shells.iter().map(|s| s.iso).collect();
         self.make_lists(gpu, shells.len())?;
-        self.drawer.prepare(gpu, Target::Picture, self.coefficients)?;
         let layers = layers::count(shells.len() as u32, shells.iter().all(|s| s.opacity >= 1.0));
         if layers > 0 && self.layers.as_ref().is_none_or(|l| !l.fits(width, height)) {
             self.layers = None;
             self.layers = Some(Layers::new(gpu, width, height)?);
         }
         self.set_views(gpu, view, &shells, layers > 0)?;
+        self.drawer.prepare(gpu, Target::Picture, self.coefficients)?;
         loop {
             let Some((target, pixels)) = &self.targets else { return Err(GpuError::Refusal("no picture".into())) };
             let mut encoder = encoder(gpu);
@@ -326,8 +326,8 @@ impl SplinePass {
     pub fn probe(&mut self, gpu: &Gpu, view: &SplineView, iso: f64) -> Result<Vec<[f32; 4]>, GpuError> {
         let [width, height] = view.size;
         self.make_lists(gpu, 1)?;
-        self.drawer.prepare(gpu, Target::Probe, self.coefficients)?;
         self.set_views(gpu, view, &[Shell { iso, color: [1.0; 3], opacity: 1.0 }], false)?;
+        self.drawer.prepare(gpu, Target::Probe, self.coefficients)?;
         let target = SliceTarget::of(gpu, width, height, Target::Probe.format())?;
         let row = padded_row(width, 16);
         let readback = gpu.allocate("a picture", u64::from(row) * u64::from(height), || {
