@@ -367,14 +367,12 @@ pub(super) fn self_intersecting(mesh: &TriMesh, flat: &[bool]) -> Vec<u32> {
     let n = mesh.triangles.len() as u32;
     let tree = Bvh::new((0..n).map(|t| Aabb::around(&corners(t))).collect());
     let hit: Vec<AtomicBool> = flat.iter().map(|_| AtomicBool::new(false)).collect();
-    // each pair once; flags are only ever set, so their order does not matter
-    (0..n).into_par_iter().filter(|&s| !flat[s as usize]).for_each(|s| {
-        tree.overlapping(tree.bounds_of(s), |t| {
-            if s < t && !flat[t as usize] && pair_intersects(mesh, s, t) {
-                hit[s as usize].store(true, Relaxed);
-                hit[t as usize].store(true, Relaxed);
-            }
-        });
+    // flags are only ever set, so their order does not matter
+    tree.overlapping_pairs(&|s, t| {
+        if !flat[s as usize] && !flat[t as usize] && pair_intersects(mesh, s, t) {
+            hit[s as usize].store(true, Relaxed);
+            hit[t as usize].store(true, Relaxed);
+        }
     });
     (0..n).filter(|&t| hit[t as usize].load(Relaxed)).collect()
 }
