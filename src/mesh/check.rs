@@ -103,9 +103,11 @@ pub enum DefectKind {
 }
 
 impl DefectKind {
-    /// Whether slices through the place may come out open or wrong (the others are only worth knowing).
+    /// Whether slices through the place may come out open, wrong, or not as the parts were meant (the others are only
+    /// worth knowing).
     pub fn spoils_slices(self) -> bool {
-        matches!(self, Self::NonFinite | Self::Boundary | Self::NonManifoldEdge | Self::Misoriented)
+        use DefectKind::{Boundary, Misoriented, NonFinite, NonManifoldEdge, SelfIntersection};
+        matches!(self, NonFinite | Boundary | NonManifoldEdge | Misoriented | SelfIntersection)
     }
 }
 
@@ -233,9 +235,16 @@ impl MeshReport {
     }
 }
 
-/// Only those defects that [spoil slices](DefectKind::spoils_slices), many times as fast as a whole report.
+/// Only those defects that [spoil slices](DefectKind::spoils_slices).
 pub fn slicing_defects(mesh: &TriMesh) -> Vec<Defect> {
-    MeshReport::look(mesh, false).defects.into_iter().filter(|d| d.kind.spoils_slices()).collect()
+    MeshReport::of(mesh).defects.into_iter().filter(|d| d.kind.spoils_slices()).collect()
+}
+
+/// Whether a mesh with these defects has parts that overlap, and sections that can be united. Where triangles disagree
+/// which side is out, directions of contours say nothing, and there is nothing to unite them by.
+pub fn overlaps(defects: &[Defect]) -> bool {
+    let has = |kind| defects.iter().any(|d| d.kind == kind);
+    has(DefectKind::SelfIntersection) && !has(DefectKind::Misoriented)
 }
 
 fn volume_about_origin(mesh: &TriMesh) -> f64 {
