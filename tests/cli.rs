@@ -317,9 +317,19 @@ fn pictures_tell_of_the_mesh_they_are_cut_from() {
     let args = ["render", "phantom:sphere:24", "--backend", "cpu", "--size", "64x64", "--slices", "40", "-o", "o.png"];
     let said = json(&dir, &[&args[..], &["--mesh", "crossed.obj"]].concat());
     let warnings = said["warnings"].as_array().unwrap();
-    assert!(warnings.iter().any(|w| w.as_str().unwrap().contains("intersects itself")), "{said}");
+    let words = "triangles cut through other parts of the surface, the first at (";
+    assert!(warnings.len() == 1 && warnings[0].as_str().unwrap().contains(words), "{said}");
     let out = voxclay(&dir, &[&args[..], &["--mesh", "crossed.obj"]].concat());
-    assert!(String::from_utf8_lossy(&out.stderr).contains("voxclay: the surface intersects itself"));
+    assert!(String::from_utf8_lossy(&out.stderr).contains(words));
+    // sections are those of both together
+    let slice = ["slice", "crossed.obj", "--planes", "20", "--direction", "0,0,1"];
+    let said = json(&dir, &slice);
+    let areas: Vec<f64> = said["area"].as_array().unwrap().iter().map(|a| a.as_f64().unwrap()).collect();
+    // at z = 1.5, and at z = 4.5
+    let [near, far] = [11, 14].map(|k| areas[k]);
+    assert!((near - (2.0 * 8.5 * 8.5 + 16.0 - 0.5 * 6.5 * 6.5 + 2.5 * 2.5)).abs() < 1e-9, "{near}");
+    assert!((far - (2.0 * 5.5 * 5.5 + 16.0 - 0.5 * 3.5 * 3.5)).abs() < 1e-9, "{far}");
+    assert!(String::from_utf8_lossy(&voxclay(&dir, &slice).stderr).contains(words));
     let said = json(&dir, &args);
     assert!(said["warnings"].as_array().unwrap().is_empty() && said["fragments"].as_u64().unwrap() > 1000, "{said}");
 }

@@ -1,7 +1,7 @@
 //! Checks of surface meshes: shapes with a known answer, every kind of defect, and the real meshes.
 
 use glam::{DAffine3, DVec3};
-use voxclay::mesh::check::{DefectKind, MeshReport, slicing_defects};
+use voxclay::mesh::check::{DefectKind, MeshReport, overlaps, slicing_defects};
 use voxclay::mesh::{TriMesh, primitives};
 
 fn kinds(report: &MeshReport) -> Vec<(DefectKind, usize)> {
@@ -57,10 +57,14 @@ fn a_hole_is_named_with_its_place() {
     assert!(r.defects()[0].place.distance(hole) < 0.2 && r.defects()[0].kind.spoils_slices());
     assert!(!r.closed && r.manifold && r.oriented);
     assert_eq!(slicing_defects(&ball), r.defects());
-    // what only cuts itself can be sliced
+    assert!(!overlaps(r.defects()));
+    // parts that overlap are named, too: they are drawn as one
     ball.triangles.insert(40, gone);
+    assert!(slicing_defects(&ball).is_empty());
     ball.append(&moved(&ball, [0.5, 0.0, 0.0]));
-    assert!(MeshReport::of(&ball).self_intersections > 0 && slicing_defects(&ball).is_empty());
+    let r = MeshReport::of(&ball);
+    assert!(r.self_intersections > 0 && slicing_defects(&ball) == r.defects() && overlaps(r.defects()));
+    assert!(MeshReport::of_connectivity(&ball).defects().is_empty());
 }
 
 #[test]

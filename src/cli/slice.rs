@@ -11,6 +11,7 @@ use serde_json::json;
 use crate::io::{read_surface, write_atomic};
 use crate::math::PlaneFrame;
 use crate::mesh::Topology;
+use crate::mesh::check::{self, DefectKind};
 use crate::slice::{Planes, Slicer, Slices};
 use crate::tessellate::{Limits, Method, Outlines, Tessellator};
 
@@ -74,6 +75,11 @@ pub fn run(args: &Args) -> anyhow::Result<serde_json::Value> {
         // seams of texture coordinates are no holes
         mesh = mesh.welded();
     }
+    let defects = check::slicing_defects(&mesh);
+    // the sections tell of all others
+    if let Some(defect) = defects.iter().find(|d| d.kind == DefectKind::SelfIntersection) {
+        eprintln!("warning: {}: {defect}", args.mesh.display());
+    }
     let planes = Planes::across(frame, &mesh.positions, args.planes as usize);
     let method = match args.tessellator {
         Choice::Lyon => Some(Method::Fast),
@@ -81,7 +87,8 @@ pub fn run(args: &Args) -> anyhow::Result<serde_json::Value> {
         Choice::None => None,
     };
 
-    let (mut slicer, mut tessellator) = (Slicer::default(), Tessellator::default());
+    let mut slicer = Slicer { overlaps: check::overlaps(&defects), ..Slicer::default() };
+    let mut tessellator = Tessellator::default();
     let mut times: [Vec<f64>; 5] = Default::default();
     for _ in 0..args.repeat {
         let start = Instant::now();
@@ -90,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<serde_json::Value> {
         slicer.index.build(&mesh.positions, &topology, &planes).with_context(|| args.mesh.display().to_string())?;
         slicer.index.contours(&mut slicer.slices);
         let walked = Instant::now();
-        slicer.slices.nest();
+        slicer.classify();
         let nested = Instant::now();
         if let Some(method) = method {
             tessellator.run(&outlines(&slicer.slices), method);

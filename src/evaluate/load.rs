@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::deform::{Deformer, Limit, Stack};
 use crate::io;
-use crate::mesh::check::slicing_defects;
+use crate::mesh::check;
 use crate::mesh::{self, Topology, TriMesh};
 use crate::render::{Camera, Field, TexelSlice};
 use crate::scene::{CameraSpec, CutPlane, Document, Placement, ProxySource, VolumeSource, read_embedded};
@@ -39,6 +39,8 @@ pub struct Object {
     /// The proxy mesh in the world, moved by the shape tools.
     pub mesh: TriMesh,
     pub topology: Arc<Topology>,
+    /// Whether parts of the mesh were found to overlap when it was read, so that its sections are to be united.
+    pub overlaps: bool,
     /// What the placement turns and scales about, before it moves: the middle of the undeformed mesh, in the world.
     pub pivot: DVec3,
     /// Whether the mesh is more than the volume's box.
@@ -160,6 +162,7 @@ pub struct Workspace {
 struct Shape {
     mesh: Arc<TriMesh>,
     topology: Arc<Topology>,
+    overlaps: bool,
     warnings: Vec<String>,
 }
 
@@ -227,7 +230,7 @@ impl Workspace {
         let window = transfer.resolve(basis.range);
         let mut warnings = Vec::new();
         let stack = unfolded(document, &mut warnings);
-        let (mesh, topology, pivot) = self.proxy(document, &stack, volume, *iso, &mut warnings)?;
+        let (mesh, topology, overlaps, pivot) = self.proxy(document, &stack, volume, *iso, &mut warnings)?;
         let shaped = document.proxy != ProxySource::Box || document.placement != Placement::default();
         Ok(Object {
             volume: volume.clone(),
@@ -238,6 +241,7 @@ impl Workspace {
             focus: *focus,
             mesh,
             topology,
+            overlaps,
             pivot,
             shaped,
             stack,
@@ -246,7 +250,8 @@ impl Workspace {
         })
     }
 
-    /// The proxy mesh in the world, placed and moved by the shape tools, and what it was placed about.
+    /// The proxy mesh in the world, placed and moved by the shape tools, whether parts of it overlap, and what it was
+    /// placed about.
     fn proxy(
         &mut self,
         document: &Document,
@@ -254,13 +259,13 @@ impl Workspace {
         volume: &Volume,
         iso: f64,
         warnings: &mut Vec<String>,
-    ) -> Result<(TriMesh, Arc<Topology>, DVec3), EvaluateError> {
+    ) -> Result<(TriMesh, Arc<Topology>, bool, DVec3), EvaluateError> {
         if document.proxy == ProxySource::Box {
             // a box that holds the volume must also hold what was pulled out of it
             let grown = grown_box(&volume.grid, stack);
             let mesh = placed(&grown, &document.placement)?;
             let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
-            return Ok((mesh, Arc::new(topology), middle(&grown)));
+            return Ok((mesh, Arc::new(topology), false, middle(&grown)));
         }
         let shape = match &self.shape {
             Some((known, shape)) if *known == document.proxy => shape.clone(),
@@ -280,7 +285,7 @@ impl Workspace {
         } else {
             stack.move_mesh(&placed)?
         };
-        Ok((mesh, shape.topology, middle(&shape.mesh)))
+        Ok((mesh, shape.topology, shape.overlaps, middle(&shape.mesh)))
     }
 }
 
@@ -460,6 +465,7 @@ fn middle(mesh: &TriMesh) -> DVec3 {
 /// A proxy mesh as it was made or read.
 fn shape(source: &ProxySource, base: &Path, volume: &Volume, iso: f64) -> Result<Shape, EvaluateError> {
     let mut warnings = Vec::new();
+    let mut overlaps = false;
     let mesh = match source {
         ProxySource::Mesh(path) => {
             let path = base.join(path);
@@ -468,9 +474,9 @@ fn shape(source: &ProxySource, base: &Path, volume: &Volume, iso: f64) -> Result
             if mesh.triangles.is_empty() {
                 return Err(EvaluateError::EmptyMesh(path));
             }
-            for defect in slicing_defects(&mesh) {
-                warnings.push(format!("{}: {defect}", path.display()));
-            }
+            let defects = check::slicing_defects(&mesh);
+            warnings.extend(defects.iter().map(|defect| format!("{}: {defect}", path.display())));
+            overlaps = check::overlaps(&defects);
             mesh
         }
         ProxySource::Auto { iso: given } => {
@@ -487,7 +493,7 @@ fn shape(source: &ProxySource, base: &Path, volume: &Volume, iso: f64) -> Result
         ProxySource::Box => grown_box(&volume.grid, &Stack::default()),
     };
     let topology = Arc::new(Topology::build(mesh.positions.len(), &mesh.triangles));
-    Ok(Shape { mesh: Arc::new(mesh), topology, warnings })
+    Ok(Shape { mesh: Arc::new(mesh), topology, overlaps, warnings })
 }
 
 /// The box of the texture cube along the voxel axes, grown to hold what the stack pulls out of it.

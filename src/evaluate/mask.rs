@@ -10,7 +10,8 @@ use crate::volume::{Grid, Scalar, Volume};
 use crate::with_samples;
 
 /// Sets every voxel whose centre lies outside the mesh (nonzero winding; a centre on the surface may count either way) to
-/// the stored value nearest to `outside`, in all channels. Returns how many voxels that were.
+/// the stored value nearest to `outside`, in all channels. Returns how many voxels that were. Of a mesh with parts that
+/// are known to overlap, the sections are united first.
 ///
 /// # Errors
 /// If the sections are too large to count.
@@ -18,9 +19,10 @@ pub fn clear_outside(
     volume: &mut Volume,
     mesh: &TriMesh,
     topology: &Topology,
+    overlaps: bool,
     outside: f64,
 ) -> Result<usize, SliceError> {
-    let sections = layers(&volume.grid, mesh, topology)?;
+    let sections = layers(&volume.grid, mesh, topology, overlaps)?;
     let [nx, ny, _] = volume.grid.dims;
     let channels = volume.channels;
     let stored = volume.rescale.stored(outside);
@@ -28,7 +30,7 @@ pub fn clear_outside(
 }
 
 /// The contours of the mesh in each layer of the grid, in voxel coordinates.
-fn layers(grid: &Grid, mesh: &TriMesh, topology: &Topology) -> Result<Slices, SliceError> {
+fn layers(grid: &Grid, mesh: &TriMesh, topology: &Topology, overlaps: bool) -> Result<Slices, SliceError> {
     let voxel_from_world = grid.voxel_from_world();
     let positions: Vec<DVec3> = mesh.positions.iter().map(|p| voxel_from_world.transform_point3(*p)).collect();
     let planes = Planes {
@@ -37,7 +39,7 @@ fn layers(grid: &Grid, mesh: &TriMesh, topology: &Topology) -> Result<Slices, Sl
         step: 1.0,
         count: grid.dims[2],
     };
-    let mut slicer = Slicer::default();
+    let mut slicer = Slicer { overlaps, ..Slicer::default() };
     slicer.slice(&positions, topology, &planes)?;
     Ok(slicer.slices)
 }
@@ -104,7 +106,7 @@ mod tests {
         let mut mesh = primitives::geodesic_sphere(24);
         mesh.positions.iter_mut().for_each(|p| *p = center + *p * radius);
         let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
-        let cleared = clear_outside(&mut volume, &mesh, &topology, 7.0).unwrap();
+        let cleared = clear_outside(&mut volume, &mesh, &topology, false, 7.0).unwrap();
         let mut count = 0;
         for k in 0..30 {
             for j in 0..36 {
@@ -132,6 +134,6 @@ mod tests {
         let mut mesh = primitives::geodesic_sphere(2);
         mesh.positions.iter_mut().for_each(|p| p.x += 100.0);
         let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
-        assert_eq!(clear_outside(&mut volume, &mesh, &topology, 0.0).unwrap(), 24);
+        assert_eq!(clear_outside(&mut volume, &mesh, &topology, false, 0.0).unwrap(), 24);
     }
 }

@@ -57,7 +57,7 @@ pub fn export_watched(
     };
     let outside_mesh = if object.shaped {
         let value = options.outside.unwrap_or(if volume.channels == 1 { report.before.min } else { 0.0 });
-        mask::clear_outside(&mut volume, &object.mesh, &object.topology, value)?
+        mask::clear_outside(&mut volume, &object.mesh, &object.topology, object.overlaps, value)?
     } else {
         0
     };

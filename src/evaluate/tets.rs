@@ -109,7 +109,8 @@ pub fn resample(object: &Object, options: &ExportOptions, fineness: Refinement) 
     let mut made = through(object, options, fineness)?;
     if object.shaped {
         let real = made.volume.rescale.real(made.outside);
-        made.outside_mesh = mask::clear_outside(&mut made.volume, &object.mesh, &object.topology, real)?;
+        made.outside_mesh =
+            mask::clear_outside(&mut made.volume, &object.mesh, &object.topology, object.overlaps, real)?;
     }
     made.ms = started.elapsed().as_secs_f64() * 1e3;
     Ok(made)

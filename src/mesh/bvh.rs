@@ -4,6 +4,9 @@ use glam::DVec3;
 
 const LEAF: usize = 4;
 
+/// Fewer items than this are not worth another thread.
+const ITEMS_PER_TASK: usize = 2048;
+
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Aabb {
@@ -169,6 +172,72 @@ impl Bvh {
             }
         }
     }
+
+    /// Calls `found` once for every two items whose boxes overlap, in no order and from several threads.
+    pub fn overlapping_pairs(&self, found: &(impl Fn(u32, u32) + Sync)) {
+        if !self.nodes.is_empty() {
+            self.pairs_within(0, self.items.len(), found);
+        }
+    }
+
+    /// The pairs of items below one node, which has about so many.
+    fn pairs_within(&self, at: u32, items: usize, found: &(impl Fn(u32, u32) + Sync)) {
+        let node = &self.nodes[at as usize];
+        if node.count > 0 {
+            let leaf = self.leaf(node);
+            for (n, &i) in leaf.iter().enumerate() {
+                leaf[..n].iter().filter(|&&j| self.overlap(i, j)).for_each(|&j| found(i, j));
+            }
+            return;
+        }
+        let (left, right) = (at + 1, node.first);
+        if items < ITEMS_PER_TASK {
+            self.pairs_within(left, items / 2, found);
+            self.pairs_within(right, items / 2, found);
+            self.pairs_between(left, right, found);
+        } else {
+            rayon::join(
+                || {
+                    rayon::join(
+                        || self.pairs_within(left, items / 2, found),
+                        || self.pairs_within(right, items / 2, found),
+                    )
+                },
+                || self.pairs_between(left, right, found),
+            );
+        }
+    }
+
+    /// The pairs of an item below one node and an item below another.
+    fn pairs_between(&self, a: u32, b: u32, found: &(impl Fn(u32, u32) + Sync)) {
+        let (na, nb) = (&self.nodes[a as usize], &self.nodes[b as usize]);
+        if !na.bounds.overlaps(&nb.bounds) {
+            return;
+        }
+        let below =
+            |at: u32, node: &Node| if node.count > 0 { [Some(at), None] } else { [Some(at + 1), Some(node.first)] };
+        if na.count > 0 && nb.count > 0 {
+            for &i in self.leaf(na) {
+                if self.boxes[i as usize].overlaps(&nb.bounds) {
+                    self.leaf(nb).iter().filter(|&&j| self.overlap(i, j)).for_each(|&j| found(i, j));
+                }
+            }
+            return;
+        }
+        for a in below(a, na).into_iter().flatten() {
+            for b in below(b, nb).into_iter().flatten() {
+                self.pairs_between(a, b, found);
+            }
+        }
+    }
+
+    fn leaf(&self, node: &Node) -> &[u32] {
+        &self.items[node.first as usize..(node.first + node.count) as usize]
+    }
+
+    fn overlap(&self, i: u32, j: u32) -> bool {
+        self.boxes[i as usize].overlaps(&self.boxes[j as usize])
+    }
 }
 
 #[cfg(test)]
@@ -202,7 +271,7 @@ mod tests {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             ((seed >> 33) % 50) as f64
         };
-        for n in [0, 1, 4, 5, 300] {
+        for n in [0, 1, 4, 5, 300, 3000] {
             let boxes: Vec<Aabb> = (0..n)
                 .map(|_| {
                     let lo = DVec3::new(random(), random(), random());
@@ -216,6 +285,12 @@ mod tests {
                 found.sort_unstable();
                 assert_eq!(found, (0..n).filter(|&i| boxes[i].overlaps(q)).collect::<Vec<_>>());
             }
+            let pairs = std::sync::Mutex::new(Vec::new());
+            tree.overlapping_pairs(&|i, j| pairs.lock().unwrap().push([i.min(j) as usize, i.max(j) as usize]));
+            let mut pairs = pairs.into_inner().unwrap();
+            pairs.sort_unstable();
+            let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
+            assert_eq!(pairs, all.filter(|&[i, j]| boxes[i].overlaps(&boxes[j])).collect::<Vec<_>>());
         }
     }
 

@@ -103,9 +103,11 @@ pub enum DefectKind {
 }
 
 impl DefectKind {
-    /// Whether slices through the place may come out open or wrong (the others are only worth knowing).
+    /// Whether slices through the place may come out open, wrong, or not as the parts were meant (the others are only
+    /// worth knowing).
     pub fn spoils_slices(self) -> bool {
-        matches!(self, Self::NonFinite | Self::Boundary | Self::NonManifoldEdge | Self::Misoriented)
+        use DefectKind::{Boundary, Misoriented, NonFinite, NonManifoldEdge, SelfIntersection};
+        matches!(self, NonFinite | Boundary | NonManifoldEdge | Misoriented | SelfIntersection)
     }
 }
 
@@ -233,9 +235,16 @@ impl MeshReport {
     }
 }
 
-/// Only those defects that [spoil slices](DefectKind::spoils_slices), many times as fast as a whole report.
+/// Only those defects that [spoil slices](DefectKind::spoils_slices).
 pub fn slicing_defects(mesh: &TriMesh) -> Vec<Defect> {
-    MeshReport::look(mesh, false).defects.into_iter().filter(|d| d.kind.spoils_slices()).collect()
+    MeshReport::of(mesh).defects.into_iter().filter(|d| d.kind.spoils_slices()).collect()
+}
+
+/// Whether a mesh with these defects has parts that overlap, and sections that can be united. Where triangles disagree
+/// which side is out, directions of contours say nothing, and there is nothing to unite them by.
+pub fn overlaps(defects: &[Defect]) -> bool {
+    let has = |kind| defects.iter().any(|d| d.kind == kind);
+    has(DefectKind::SelfIntersection) && !has(DefectKind::Misoriented)
 }
 
 fn volume_about_origin(mesh: &TriMesh) -> f64 {
@@ -367,14 +376,12 @@ pub(super) fn self_intersecting(mesh: &TriMesh, flat: &[bool]) -> Vec<u32> {
     let n = mesh.triangles.len() as u32;
     let tree = Bvh::new((0..n).map(|t| Aabb::around(&corners(t))).collect());
     let hit: Vec<AtomicBool> = flat.iter().map(|_| AtomicBool::new(false)).collect();
-    // each pair once; flags are only ever set, so their order does not matter
-    (0..n).into_par_iter().filter(|&s| !flat[s as usize]).for_each(|s| {
-        tree.overlapping(tree.bounds_of(s), |t| {
-            if s < t && !flat[t as usize] && pair_intersects(mesh, s, t) {
-                hit[s as usize].store(true, Relaxed);
-                hit[t as usize].store(true, Relaxed);
-            }
-        });
+    // flags are only ever set, so their order does not matter
+    tree.overlapping_pairs(&|s, t| {
+        if !flat[s as usize] && !flat[t as usize] && pair_intersects(mesh, s, t) {
+            hit[s as usize].store(true, Relaxed);
+            hit[t as usize].store(true, Relaxed);
+        }
     });
     (0..n).filter(|&t| hit[t as usize].load(Relaxed)).collect()
 }

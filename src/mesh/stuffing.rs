@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 use super::TriMesh;
 use super::bcc::Bcc;
-use super::check::slicing_defects;
+use super::check::MeshReport;
 use super::fill::{enclosing, stuffed};
 use super::locate::Locator;
 use super::random::Random;
@@ -145,7 +145,8 @@ impl<'a> Body<'a> {
         let Some((lo, hi)) = surface.bounds().filter(|_| !surface.triangles.is_empty()) else {
             return Err(StuffingError::NoSurface);
         };
-        if let Some(defect) = slicing_defects(surface).first() {
+        // what is inside is clear where the surface only cuts through itself
+        if let Some(defect) = MeshReport::of_connectivity(surface).defects().iter().find(|d| d.kind.spoils_slices()) {
             return Err(StuffingError::Unclear(defect.to_string()));
         }
         let volume = surface.volume().abs();

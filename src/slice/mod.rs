@@ -20,6 +20,10 @@
 //! active edge list of its own; [`Slices::nest`] classifies. Hold all three results while neither view nor mesh moves.
 //! All buffers are kept from view to view.
 //!
+//! Contours of a mesh that meets itself may cross, or run round what another one has round already. For these,
+//! [`Slices::unite`] takes the place of the nesting: what contours wind round together gets one outline, so that whoever
+//! comes after need not know.
+//!
 //! Departures from the paper: entries of the active list carry what the walk needs, so that it stays within the list and
 //! one word per triangle, in which the positions of the triangle's two active edges are exclusive-ored: coming from one
 //! gives the other, in whichever direction the triangle is oriented. Tags are numbers of planes, so that they need not
@@ -29,6 +33,7 @@
 mod index;
 mod nest;
 mod section;
+mod unite;
 mod walk;
 
 pub use index::{Planes, SlabIndex, SliceError};
@@ -41,7 +46,8 @@ use crate::mesh::Topology;
 /// The sections of all planes, flat. Loops of plane k are `plane_start[k]..plane_start[k + 1]`, points of loop l are
 /// `loop_start[l]..loop_start[l + 1]`; a loop is closed from its last point to its first.
 ///
-/// After [`Slices::nest`], outer loops run anticlockwise seen from the tip of the normal and holes clockwise.
+/// After [`Slices::nest`] or [`Slices::unite`], outer loops run anticlockwise seen from the tip of the normal and holes
+/// clockwise.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Slices {
     /// In-plane coordinates along `e1`, `e2` of the planes' frame.
@@ -53,7 +59,7 @@ pub struct Slices {
     /// Signed area of each loop.
     pub area: Vec<f64>,
     /// For each loop: itself if it is an outer loop, the outer loop around it if it is a hole, [`Slices::NONE`] if it
-    /// encloses nothing (its area is within rounding of zero). Empty before [`Slices::nest`].
+    /// encloses nothing (its area is within rounding of zero). Empty before [`Slices::nest`] or [`Slices::unite`].
     pub owner: Vec<u32>,
     /// What was wrong with the mesh at these planes; see [`Slices::warnings`].
     defects: [Option<Warning>; Defect::ALL.len()],
@@ -117,10 +123,12 @@ pub enum Defect {
     Orientation,
     /// Contours of one plane cross each other: the surface intersects itself.
     Crossing,
+    /// Contours of a surface that intersects itself run the wrong way round what nothing else encloses.
+    Backward,
 }
 
 impl Defect {
-    const ALL: [Self; 4] = [Self::Open, Self::NotFinite, Self::Orientation, Self::Crossing];
+    const ALL: [Self; 5] = [Self::Open, Self::NotFinite, Self::Orientation, Self::Crossing, Self::Backward];
 }
 
 /// A counted defect and where it was met first.
@@ -149,6 +157,10 @@ impl Warning {
                 "triangles of the mesh point the wrong way; contours were classified by what encloses them"
             }
             Defect::Crossing => "the surface intersects itself; parts inside twice count twice",
+            Defect::Backward => {
+                "a part of the surface faces inward where nothing is around it (a cavity that reaches out of its solid, \
+                 perhaps); what lies there was left out"
+            }
         };
         format!("{what} ({contours}, first in plane {} near {:.6} {:.6} {:.6})", self.plane, p.x, p.y, p.z)
     }
@@ -173,6 +185,9 @@ fn note(defects: &mut Defects, defect: Defect, plane: u32, at: DVec2, count: u32
 pub struct Slicer {
     pub index: SlabIndex,
     pub slices: Slices,
+    /// Whether parts of the mesh are known to overlap: then [`Slices::unite`] is asked, else [`Slices::nest`], which is
+    /// faster.
+    pub overlaps: bool,
 }
 
 impl Slicer {
@@ -186,7 +201,12 @@ impl Slicer {
     pub fn slice(&mut self, positions: &[DVec3], topology: &Topology, planes: &Planes) -> Result<&Slices, SliceError> {
         self.index.build(positions, topology, planes)?;
         self.index.contours(&mut self.slices);
-        self.slices.nest();
+        self.classify();
         Ok(&self.slices)
+    }
+
+    /// The last step of [`Slicer::slice`].
+    pub fn classify(&mut self) {
+        if self.overlaps { self.slices.unite() } else { self.slices.nest() }
     }
 }

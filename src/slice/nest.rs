@@ -138,23 +138,26 @@ impl Slices {
         self.warn(Defect::Orientation, k as u32, at, 1);
     }
 
-    /// Whether the area of a loop is no more than the rounding of its coordinates.
     fn is_thin(&self, l: usize) -> bool {
-        let points = self.loop_points(l);
-        if points.len() < 3 {
-            return true;
-        }
-        let area = self.area[l].abs();
-        let size = points[0].abs().max_element();
-        if area > 1e-9 * size * size {
-            return false;
-        }
-        let (lo, hi) = bounds(points);
-        let size = lo.abs().max(hi.abs()).max_element();
-        let extent = (hi - lo).element_sum();
-        debug_assert!((shoelace(points).abs() - area).abs() <= 1e-6 * extent * extent);
-        area <= 8.0 * f64::EPSILON * size * (extent + 8.0 * f64::EPSILON * size)
+        is_thin(self.loop_points(l), self.area[l])
     }
+}
+
+/// Whether the area of a loop is no more than the rounding of its coordinates.
+pub(super) fn is_thin(points: &[DVec2], area: f64) -> bool {
+    if points.len() < 3 {
+        return true;
+    }
+    let area = area.abs();
+    let size = points[0].abs().max_element();
+    if area > 1e-9 * size * size {
+        return false;
+    }
+    let (lo, hi) = bounds(points);
+    let size = lo.abs().max(hi.abs()).max_element();
+    let extent = (hi - lo).element_sum();
+    debug_assert!((shoelace(points).abs() - area).abs() <= 1e-6 * extent * extent);
+    area <= 8.0 * f64::EPSILON * size * (extent + 8.0 * f64::EPSILON * size)
 }
 
 fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {

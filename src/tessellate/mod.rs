@@ -103,7 +103,8 @@ pub struct MadeBy {
     pub sweep: u32,
     pub lyon: u32,
     pub spade: u32,
-    /// The area could not be met: the outline crosses itself, and its triangles cover what it winds round.
+    /// The area could not be met: the outline crosses itself, and its triangles, spade's, cover once what it winds round
+    /// anticlockwise.
     pub mismatched: u32,
 }
 

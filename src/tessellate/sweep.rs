@@ -8,7 +8,9 @@
 //! With m turns and n points that is O(n + m log m), and a few steps per point.
 //!
 //! The order of points is lexicographic in (y, x), so no two are level. Signs of areas are exact. If the outline is not
-//! simple, the sweep notices (an event finds no place, or a triangle is turned the wrong way) and gives up.
+//! simple, the sweep notices as a rule (an event finds no place, or a triangle is turned the wrong way) and gives up. It
+//! does not if two loops cross that neither turn inside the other: each is filled on its own, and with it twice what both
+//! have in common. So sections that may cross are united before they come here.
 
 use glam::DVec2;
 

@@ -113,6 +113,7 @@ impl Keeper {
         let last = self.last.take();
         // those of the last call take the place of those before
         std::mem::swap(&mut self.slicer.slices, &mut self.before);
+        self.slicer.overlaps = object.overlaps;
         let sections = self.slicer.slice(&object.mesh.positions, &object.topology, &planes)?;
 
         let warnings = sections.warnings().map(|w| w.sentence(&planes)).collect();
