@@ -117,7 +117,7 @@ fn covered_area(polygons: &[(Vec<DVec2>, i32)]) -> f64 {
         .collect();
     let exactly = |set: usize| -> f64 {
         let larger = sets.clone().filter(|s| s & set == set);
-        larger.map(|s| if (s ^ set).count_ones() % 2 == 0 { in_all[s] } else { -in_all[s] }).sum()
+        larger.map(|s| if (s ^ set).count_ones().is_multiple_of(2) { in_all[s] } else { -in_all[s] }).sum()
     };
     sets.clone().filter(|&set| members(set).map(|i| polygons[i].1).sum::<i32>() > 0).map(exactly).sum()
 }

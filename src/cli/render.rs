@@ -237,10 +237,12 @@ impl Work {
         }
         let look = document.look.look(object.iso);
         let camera = object.camera(&document.camera);
-        let (picture, report) = self.renderer.picture(&object, &camera, &look, &self.options)?;
+        let (picture, mut report) = self.renderer.picture(&object, &camera, &look, &self.options)?;
         for warning in &report.warnings {
             eprintln!("voxclay: {warning}");
         }
+        // JSON says all that was said
+        report.warnings.splice(0..0, object.warnings.iter().cloned());
         let png = picture.png()?;
         io::write_atomic(output, |w| std::io::Write::write_all(w, &png))?;
         Ok((picture, report))

@@ -48,45 +48,61 @@ pub(super) struct Bvh {
     boxes: Vec<Aabb>,
 }
 
+/// An item and the middle of its box (twice that), side by side while they are sorted.
+type Placed = (DVec3, u32);
+
+/// Adds the node of `items`, the first of which is number `start` of all, and those below it; returns its box. Halves the
+/// items in the middle of the longest side that their places take up, so that the depth is logarithmic for any input.
+fn build(boxes: &[Aabb], items: &mut [Placed], start: usize, nodes: &mut Vec<Node>) -> Aabb {
+    let (at, n) = (nodes.len(), items.len());
+    if n <= LEAF {
+        let bounds = items.iter().fold(Aabb::around(&[]), |b, i| b.union(&boxes[i.1 as usize]));
+        nodes.push(Node { bounds, first: start as u32, count: n as u32 });
+        return bounds;
+    }
+    nodes.push(Node { bounds: Aabb::around(&[]), first: 0, count: 0 });
+    let places = items.iter().fold(Aabb::around(&[]), |b, i| b.union(&Aabb { lo: i.0, hi: i.0 }));
+    let size = places.hi - places.lo;
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    let middle = n / 2;
+    items.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
+    let (left, right) = items.split_at_mut(middle);
+    let (left, right) = if n < ITEMS_PER_TASK {
+        let left = build(boxes, left, start, nodes);
+        nodes[at].first = nodes.len() as u32;
+        (left, build(boxes, right, start + middle, nodes))
+    } else {
+        let mut others = Vec::new();
+        let both =
+            rayon::join(|| build(boxes, left, start, nodes), || build(boxes, right, start + middle, &mut others));
+        let shift = nodes.len() as u32;
+        others.iter_mut().filter(|node| node.count == 0).for_each(|node| node.first += shift);
+        nodes.append(&mut others);
+        nodes[at].first = shift;
+        both
+    };
+    nodes[at].bounds = left.union(&right);
+    nodes[at].bounds
+}
+
 impl Bvh {
     pub fn new(boxes: Vec<Aabb>) -> Self {
-        let mut tree = Self { nodes: Vec::new(), items: (0..boxes.len() as u32).collect(), boxes };
-        if !tree.items.is_empty() {
-            tree.build(0, tree.items.len());
+        let mut placed: Vec<Placed> = boxes.iter().zip(0..).map(|(b, i)| (b.lo + b.hi, i)).collect();
+        let mut nodes = Vec::new();
+        if !placed.is_empty() {
+            build(&boxes, &mut placed, 0, &mut nodes);
         }
-        tree
+        Self { nodes, items: placed.into_iter().map(|p| p.1).collect(), boxes }
     }
 
     pub fn bounds_of(&self, item: u32) -> &Aabb {
         &self.boxes[item as usize]
-    }
-
-    /// Halves the items in the middle of the longest side of their box, so that the depth is logarithmic for any input.
-    fn build(&mut self, start: usize, end: usize) {
-        let boxes = &self.boxes;
-        let items = &mut self.items[start..end];
-        let bounds = items.iter().map(|&i| boxes[i as usize]).reduce(|a, b| a.union(&b));
-        let Some(bounds) = bounds else { return };
-        let at = self.nodes.len();
-        self.nodes.push(Node { bounds, first: start as u32, count: (end - start) as u32 });
-        if end - start <= LEAF {
-            return;
-        }
-        let size = bounds.hi - bounds.lo;
-        let axis = if size.x >= size.y && size.x >= size.z {
-            0
-        } else if size.y >= size.z {
-            1
-        } else {
-            2
-        };
-        let middle = (end - start) / 2;
-        let center = |i: u32| boxes[i as usize].lo[axis] + boxes[i as usize].hi[axis];
-        items.select_nth_unstable_by(middle, |&a, &b| center(a).total_cmp(&center(b)));
-        self.build(start, start + middle);
-        self.nodes[at].first = self.nodes.len() as u32;
-        self.nodes[at].count = 0;
-        self.build(start + middle, end);
     }
 
     /// The point nearest to `p` in any box, if it is less than `reach` away (or `p` lies in a box).
