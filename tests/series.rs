@@ -201,6 +201,27 @@ fn commands_take_a_step() {
     };
     assert!((middle(2) - 12.0).abs() < 0.1 && (middle(0) - 6.0).abs() < 0.1);
 
+    // a warp that moves nothing
+    let corners: String =
+        (0..8).map(|i| [1, 2, 4].map(|bit| if i & bit == 0 { "-0.5" } else { "23.5" }).join(" ") + " 0\n").collect();
+    let tets = ["1 2 4 8", "1 2 6 8", "1 3 4 8", "1 3 7 8", "1 5 6 8", "1 5 7 8"].map(|t| format!("{t} 0\n")).concat();
+    let mesh = format!("MeshVersionFormatted 2\nDimension 3\nVertices\n8\n{corners}Tetrahedra\n6\n{tets}End\n");
+    std::fs::write(dir.join("box.mesh"), mesh).unwrap();
+    let warp = "--tets box.mesh --deformed box.mesh --units voxel --backend cpu";
+    for step in [0, 3] {
+        run(&format!("warp ball.nii --step {step} {warp} -o warped.nrrd"));
+        assert_eq!(samples(&io::read_volume(&dir.join("warped.nrrd")).unwrap()), ball(step));
+    }
+    let compared = |step: usize| {
+        run(&format!("compare ball.nii --step {step} --modes export --size 32x32 --iso 60 -o compared{step}"));
+        let files = std::fs::read_dir(dir.join(format!("compared{step}"))).unwrap().map(|f| f.unwrap().path());
+        let mut pictures: Vec<_> = files.filter(|f| f.extension().is_some_and(|e| e == "png")).collect();
+        pictures.sort();
+        pictures.into_iter().map(|f| std::fs::read(f).unwrap()).collect::<Vec<_>>()
+    };
+    let (first, later) = (compared(0), compared(3));
+    assert!(!first.is_empty() && first.len() == later.len() && first != later);
+
     // pictures of all steps are those of each
     let look = "--backend cpu --size 48x48 --iso 60";
     let (all, _) = run(&format!("render ball.nii --step all {look} -o all_##.png --json"));
@@ -221,6 +242,8 @@ fn commands_take_a_step() {
         ("convert ball.nii --step 5 p.nrrd", "counted from 0 to 4"),
         ("surface ball.nii --step 9 -o p.obj", "there is no step 9"),
         ("export phantom:sphere:16 --step 1 -o p.nrrd", "its only step is 0"),
+        ("compare ball.nii --step 6", "there is no step 6"),
+        ("warp ball.nii --step 8 --tets box.mesh --deformed box.mesh -o p.nrrd", "there is no step 8"),
         ("render ball_000.nrrd --step 4 -o p.png", "is 4 x 4 x 4 u8 and step 0 is 24 x 24 x 24 u8"),
         ("render ball.nii --step all -o p.png", "needs a name with #"),
         ("convert ball.obj --step 1 p.stl", "--step goes with volumes only"),

@@ -26,6 +26,9 @@ pub struct Args {
     /// A project (.voxclay), a volume file, or phantom:NAME[:SIZE].
     #[arg(value_name = "PROJECT")]
     project: String,
+    /// Which step of a series in time, counted from 0 (default: the project's, or the first).
+    #[arg(long, value_name = "N")]
+    step: Option<usize>,
     /// Modes, between commas: slicing, slicing-exact, export, tets; slicing and tets with all their settings, or with one:
     /// slicing:3 (depth), slicing:0.1 (tolerance in voxels, with a point), tets:2 (level), tets:0.05 (default: all).
     #[arg(long, value_name = "A,B,...")]
@@ -43,6 +46,7 @@ pub fn run(args: &Args) -> Result<Answer> {
         None => Way::all(),
     };
     let (mut document, base) = open(&args.project)?;
+    document.step = args.step.unwrap_or(document.step);
     let view = args.look.apply(&mut document)?;
     let object = load::load(&document, &base)?;
     for warning in &object.warnings {

@@ -13,7 +13,7 @@ use super::export::InterpolationArg;
 use super::view::BackendArg;
 use crate::evaluate::certificate::{self, Subject, TetField};
 use crate::evaluate::picture::Backend;
-use crate::evaluate::{EvaluateError, load};
+use crate::evaluate::{EvaluateError, load, series};
 use crate::gpu::{Gpu, Preference, WarpPass};
 use crate::io;
 use crate::mesh::tets::TetMesh;
@@ -54,6 +54,9 @@ pub struct Args {
     /// The volume: a file, or phantom:NAME[:SIZE].
     #[arg(value_name = "VOLUME")]
     volume: String,
+    /// Which step of a series in time, counted from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    step: usize,
     /// The tetrahedral mesh; its points are the rest positions.
     #[arg(long, value_name = "MESH")]
     tets: PathBuf,
@@ -112,7 +115,7 @@ struct Outcome {
 
 pub fn run(args: &Args) -> Result<Answer> {
     io::check_volume_output(&args.output)?;
-    let volume = load::read_source(&load::parse_source(&args.volume)?, Path::new("."))?;
+    let volume = series::read_step(&load::parse_source(&args.volume)?, Path::new("."), args.step)?;
     let (mesh, moved) = positions(args)?;
     // what the mesh's coordinates are in
     let world_from_mesh = match args.units {

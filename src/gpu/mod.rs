@@ -7,7 +7,8 @@
 //! blending is the hardware's, into 16-bit floats (Westermann and Rezk-Salama 2001, sections 2.3 and 3).
 //!
 //! Departures from the paper: opacity is pre-integrated; an iso-surface is found by depth test, nearest slice first, so that
-//! hidden fragments are not shaded; triangles in which nothing can be seen are left out before they are drawn ([`cull`]);
+//! hidden fragments are not shaded; translucent slices, too, come nearest first, in parts between which pixels that became
+//! opaque are marked; triangles in which nothing can be seen are left out before they are drawn ([`cull`]);
 //! export computes samples instead of drawing them ([`ResamplePass`], [`WarpPass`]); smooth iso-surfaces are drawn without slices
 //! ([`SplinePass`]).
 //!

@@ -7,8 +7,8 @@ use super::{ClassTable, Frame, Second, TABLE_SIZE};
 use crate::math::lanes::{ALL, F8, I8, LANES, Machine};
 use crate::volume::transfer::linear_from_srgb;
 
-/// A pixel that lets through less than this is finished; [`super::draw`] then takes what lies behind to look like what is in
-/// front, which is off by this times the difference of the two.
+/// A pixel that lets through less than this is finished: what lies behind is not drawn any more, and taken to look like what is
+/// in front, which is off by this times the difference of the two.
 pub const FINISHED: f32 = 1.0 / 256.0;
 
 /// Behind this, fragments are no longer lit: light would change the pixel by less than a step.
