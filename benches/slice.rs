@@ -5,11 +5,12 @@ use std::path::Path;
 use std::time::Instant;
 
 use glam::DVec3;
+use voxclay::evaluate::geometry::outlines;
 use voxclay::io::read_surface;
 use voxclay::math::PlaneFrame;
 use voxclay::mesh::{Topology, TriMesh, primitives};
-use voxclay::slice::{Planes, Slicer, Slices};
-use voxclay::tessellate::{Limits, Method, Outlines, Tessellator};
+use voxclay::slice::{Planes, Slicer};
+use voxclay::tessellate::{Limits, Method, Tessellator};
 
 const PLANES: usize = 200;
 
@@ -23,16 +24,6 @@ fn shapes() -> Vec<(String, TriMesh)> {
         shapes.push((format!("torus {n}"), primitives::torus(1.0, 0.4, around, around / 2)));
     }
     shapes
-}
-
-fn outlines(s: &Slices) -> Outlines<'_> {
-    Outlines {
-        points: &s.points,
-        loop_start: &s.loop_start,
-        plane_start: &s.plane_start,
-        area: &s.area,
-        owner: &s.owner,
-    }
 }
 
 /// Median and minimum.

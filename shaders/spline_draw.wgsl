@@ -308,7 +308,7 @@ fn find(t: Corner) -> Found {
     found.hit.to_eye = -normalize(view.world_from_voxel * ray.direction);
     found.hit.normal = faced(view.covariant * gradient, found.hit.to_eye);
     found.hit.color = view.shell.rgb;
-    if CURVATURE && view.tint.x != 0.0 {
+    if CURVATURE {
         // derivatives along the local axes, three times smaller than they are
         let h = mat3x3f(slopes(linear(left, AXIS_U)), slopes(linear(left, AXIS_V)), slopes(linear(left, AXIS_W)));
         let turn = view.covariant * axes;

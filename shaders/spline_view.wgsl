@@ -34,9 +34,7 @@ struct View {
     shell: vec4f,
     // layers: 1 if only what lies behind the layer before is drawn; by how many voxels; the last two are unused
     peel: vec4f,
-    // 1 if the surroundings take away ambient light, 1 if the light; size of a cell in the world; unused
-    shade: vec4f,
-    // `[0, 1]^3` over all cells from a voxel that is counted from the corner of the first
+    // `[0, 1]^3` over all cells from a voxel that is counted from the corner of the first; size of a cell in the world
     unit: vec4f,
     caps: array<vec4f, 256>,
 }
@@ -179,7 +177,7 @@ fn full(at: vec3f, level: f32) -> f32 {
 // a direction in the world, one cell long, in units
 fn cell_step(direction: vec3f) -> vec3f {
     // a vector times a matrix is the transpose times the vector
-    return ((direction * view.shade.z) * view.covariant) * view.unit.xyz;
+    return ((direction * view.unit.w) * view.covariant) * view.unit.xyz;
 }
 
 fn ambient_light(start: vec3f, normal: vec3f) -> f32 {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
-use voxclay::evaluate::geometry::{GeometryOptions, Refinement, slices_with_warnings};
+use voxclay::evaluate::geometry::{GeometryOptions, Refinement, outlines, slices_with_warnings};
 use voxclay::evaluate::load::{Object, load};
 use voxclay::evaluate::picture::{Backend, Mode, Renderer, ViewOptions};
 use voxclay::io::write_surface;
@@ -60,16 +60,6 @@ fn sections(mesh: &TriMesh, planes: &Planes, overlaps: bool) -> Slices {
     let mut slicer = Slicer { overlaps, ..Slicer::default() };
     let topology = Topology::build(mesh.positions.len(), &mesh.triangles);
     slicer.slice(&mesh.positions, &topology, planes).expect("few points").clone()
-}
-
-fn view(s: &Slices) -> Outlines<'_> {
-    Outlines {
-        points: &s.points,
-        loop_start: &s.loop_start,
-        plane_start: &s.plane_start,
-        area: &s.area,
-        owner: &s.owner,
-    }
 }
 
 /// What lies inside a convex solid.
@@ -152,7 +142,7 @@ fn check_cover(name: &str, triangles: &[Triangle], area: f64, size: f64, samples
 
 /// All ways from sections to triangles.
 fn check_ways(name: &str, s: &Slices, k: usize, area: f64, size: f64, samples: &Samples) {
-    let outlines = view(s);
+    let outlines = outlines(s);
     for method in [Method::Fast, Method::Lyon, Method::Quality(Limits::default())] {
         let mut tessellator = Tessellator::default();
         let t = tessellator.run(&outlines, method);

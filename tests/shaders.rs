@@ -112,6 +112,6 @@ fn shared_structs_lie_as_in_rust() {
         same_layout!(source, "View", SplineViewUniform:
             clip_from_voxel, world_from_voxel, covariant, origin, origin_low, across, across_low, down, down_low, eye,
             eye_low, dims, iso, planes, normals, tint, positive, negative, window, shell,
-            peel, shade, unit, caps);
+            peel, unit, caps);
     }
 }

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
+use voxclay::evaluate::geometry::outlines;
 use voxclay::math::{OrientedBox, PlaneFrame};
 use voxclay::mesh::{Topology, TriMesh, primitives};
 use voxclay::slice::{Planes, Slicer, Slices, box_section};
@@ -40,7 +41,7 @@ impl Owned {
         s
     }
 
-    fn view(&self) -> Outlines<'_> {
+    fn outlines(&self) -> Outlines<'_> {
         Outlines {
             points: &self.points,
             loop_start: &self.loop_start,
@@ -48,16 +49,6 @@ impl Owned {
             area: &self.area,
             owner: &self.owner,
         }
-    }
-}
-
-fn view(s: &Slices) -> Outlines<'_> {
-    Outlines {
-        points: &s.points,
-        loop_start: &s.loop_start,
-        plane_start: &s.plane_start,
-        area: &s.area,
-        owner: &s.owner,
     }
 }
 
@@ -174,14 +165,14 @@ fn sections(mesh: &TriMesh, direction: DVec3, n: usize) -> (Planes, Slices) {
 #[test]
 fn simple_polygons() {
     let square = points(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]);
-    check_simple(&Owned::plane(&[std::slice::from_ref(&square)]).view());
-    check_simple(&Owned::plane(&[&[points(&[(0.0, 0.0), (1.0, 0.5), (0.3, 2.0)])]]).view());
+    check_simple(&Owned::plane(&[std::slice::from_ref(&square)]).outlines());
+    check_simple(&Owned::plane(&[&[points(&[(0.0, 0.0), (1.0, 0.5), (0.3, 2.0)])]]).outlines());
     // collinear points on every side
     let dense: Vec<DVec2> = (0..4)
         .flat_map(|i| (0..5).map(move |j| (i, j)))
         .map(|(i, j)| square[i].lerp(square[(i + 1) % 4], f64::from(j) / 5.0))
         .collect();
-    check_simple(&Owned::plane(&[&[dense]]).view());
+    check_simple(&Owned::plane(&[&[dense]]).outlines());
     // a comb with teeth up and a comb with teeth down
     let comb = |flip: bool| -> Vec<DVec2> {
         let mut l = vec![DVec2::new(20.0, -1.0), DVec2::new(20.0, 0.0)];
@@ -191,12 +182,12 @@ fn simple_polygons() {
         l.push(DVec2::new(0.0, -1.0));
         if flip { l.iter().map(|p| DVec2::new(-p.x, -p.y)).collect() } else { l }
     };
-    check_simple(&Owned::plane(&[&[comb(false)]]).view());
-    check_simple(&Owned::plane(&[&[comb(true)]]).view());
+    check_simple(&Owned::plane(&[&[comb(false)]]).outlines());
+    check_simple(&Owned::plane(&[&[comb(true)]]).outlines());
     // a spiral
     let arm = |r: f64| (0..60).map(move |i| DVec2::from_angle(f64::from(i) * 0.3) * (1.0 + f64::from(i) * 0.1 + r));
     let spiral: Vec<DVec2> = arm(0.5).chain(arm(0.0).collect::<Vec<_>>().into_iter().rev()).collect();
-    check_simple(&Owned::plane(&[&[spiral]]).view());
+    check_simple(&Owned::plane(&[&[spiral]]).outlines());
 }
 
 #[test]
@@ -206,11 +197,11 @@ fn holes_and_islands() {
     let holes = [hole(1.0, 0.0), hole(-1.0, 0.0), hole(0.0, 1.3), hole(0.0, -1.3), hole(0.0, 0.0)];
     let polygon: Vec<Vec<DVec2>> = [outer].into_iter().chain(holes).collect();
     let island = [ring(9, |_| 0.2, DVec2::ZERO)];
-    check_simple(&Owned::plane(&[&polygon, &island]).view());
+    check_simple(&Owned::plane(&[&polygon, &island]).outlines());
     // a grid of holes: many intervals at once
     let mut sieve = vec![points(&[(-1.0, -1.0), (10.0, -1.0), (10.0, 10.0), (-1.0, 10.0)])];
     sieve.extend((0..100).map(|i| backwards(ring(5 + i % 4, |_| 0.3, DVec2::new((i % 10) as f64, (i / 10) as f64)))));
-    check_simple(&Owned::plane(&[&sieve]).view());
+    check_simple(&Owned::plane(&[&sieve]).outlines());
 }
 
 #[test]
@@ -218,7 +209,7 @@ fn far_from_the_origin_and_at_any_scale() {
     let shape = ring(50, |i| if i % 2 == 0 { 1.0 } else { 0.7 }, DVec2::ZERO);
     for (scale, offset) in [(1.0, 0.0), (1e-9, 0.0), (1e12, 0.0), (1.0, 1e5), (1e-3, 1e4)] {
         let moved = shape.iter().map(|p| *p * scale + DVec2::splat(offset)).collect();
-        check_simple(&Owned::plane(&[&[moved]]).view());
+        check_simple(&Owned::plane(&[&[moved]]).outlines());
     }
 }
 
@@ -226,15 +217,15 @@ fn far_from_the_origin_and_at_any_scale() {
 fn slivers() {
     let needle = points(&[(0.0, 0.0), (1e6, 0.0), (1e6, 1e-3)]);
     let o = Owned::plane(&[&[needle]]);
-    let t = tessellate(&o.view(), Method::Fast);
-    check(&o.view(), &t, 1e-12);
+    let t = tessellate(&o.outlines(), Method::Fast);
+    check(&o.outlines(), &t, 1e-12);
     // a ring almost as wide as its hole
     let thin = Owned::plane(&[&[ring(200, |_| 1.0, DVec2::ZERO), backwards(ring(200, |_| 1.0 - 1e-9, DVec2::ZERO))]]);
-    let t = tessellate(&thin.view(), Method::Fast);
-    check(&thin.view(), &t, 1e-6);
-    let t = tessellate(&thin.view(), Method::Lyon);
+    let t = tessellate(&thin.outlines(), Method::Fast);
+    check(&thin.outlines(), &t, 1e-6);
+    let t = tessellate(&thin.outlines(), Method::Lyon);
     assert_eq!((t.made_by.spade, t.made_by.mismatched), (1, 0), "f32 cannot tell the rings apart, the area can");
-    check(&thin.view(), &t, 1e-5);
+    check(&thin.outlines(), &t, 1e-5);
 }
 
 #[test]
@@ -247,9 +238,9 @@ fn outlines_that_touch_themselves() {
     let hole = points(&[(0.0, 0.0), (1.0, 2.0), (2.0, 1.0)]);
     for o in [Owned::plane(&[&[eight]]), Owned::plane(&[&[outer, hole]])] {
         for method in [Method::Fast, Method::Lyon, QUALITY] {
-            let t = tessellate(&o.view(), method);
+            let t = tessellate(&o.outlines(), method);
             assert_eq!(t.made_by.mismatched, 0, "{method:?}");
-            check(&o.view(), &t, 1e-5);
+            check(&o.outlines(), &t, 1e-5);
         }
     }
 }
@@ -259,18 +250,18 @@ fn outlines_that_cross_themselves_are_filled_where_they_wind() {
     // a bow tie: one wing is turned the right way
     let tie = Owned::plane(&[&[points(&[(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 3.0)])]]);
     for method in [Method::Fast, Method::Lyon, QUALITY] {
-        let t = tessellate(&tie.view(), method);
+        let t = tessellate(&tie.outlines(), method);
         assert_eq!(t.made_by.mismatched, 1);
-        assert!(t.plane_area(&tie.view(), 0) > 0.0);
+        assert!(t.plane_area(&tie.outlines(), 0) > 0.0);
     }
     // a pentagram: its middle is wound round twice and drawn once
     let star: Vec<DVec2> = (0..5).map(|i| DVec2::from_angle(TAU * 0.4 * f64::from(i) + 0.1)).collect();
     let o = Owned::plane(&[&[star]]);
-    let t = tessellate(&o.view(), QUALITY);
+    let t = tessellate(&o.outlines(), QUALITY);
     assert_eq!((t.extra.len(), t.made_by.mismatched), (5, 1));
     let inner = (TAU / 10.0).cos().recip() * (TAU / 5.0).cos();
     let expected = 5.0 * inner * (TAU / 10.0).sin();
-    assert!((t.plane_area(&o.view(), 0) - expected).abs() < 1e-9, "{} {expected}", t.plane_area(&o.view(), 0));
+    assert!((t.plane_area(&o.outlines(), 0) - expected).abs() < 1e-9, "{} {expected}", t.plane_area(&o.outlines(), 0));
 }
 
 #[test]
@@ -283,8 +274,8 @@ fn nothing_comes_of_nothing_and_of_nan() {
     let huge = Owned::plane(&[&[points(&[(0.0, 0.0), (1e200, 1.0), (2.0, 1e200)])]]);
     for o in [empty, line, dot, nan, infinite, huge] {
         for method in [Method::Fast, Method::Lyon, QUALITY] {
-            let t = tessellate(&o.view(), method);
-            let area: f64 = (0..o.plane_start.len() - 1).map(|k| t.plane_area(&o.view(), k)).sum();
+            let t = tessellate(&o.outlines(), method);
+            let area: f64 = (0..o.plane_start.len() - 1).map(|k| t.plane_area(&o.outlines(), k)).sum();
             assert!(area.is_finite(), "{o:?} {method:?}");
         }
     }
@@ -295,7 +286,7 @@ fn all_tessellators_agree_on_sections() {
     for mesh in [primitives::bumpy_sphere(14), primitives::cavity_sphere(14), primitives::torus(1.0, 0.4, 50, 30)] {
         for d in [DVec3::Z, DVec3::new(0.31, 0.52, 0.8), DVec3::X] {
             let (_, s) = sections(&mesh, d, 41);
-            let o = view(&s);
+            let o = outlines(&s);
             check_simple(&o);
         }
     }
@@ -308,14 +299,14 @@ fn sections_of_a_box_at_its_faces_and_edges() {
         let x = |i: i32| (f64::from(seed * 13 + i) * 78.233).sin();
         let turn = DAffine3::from_quat(DQuat::from_xyzw(x(0), x(1), x(2), x(3)).normalize());
         let (_, s) = sections(&unit.transformed(&turn), DVec3::new(x(4), x(5), x(6)), 25);
-        check_simple(&view(&s));
+        check_simple(&outlines(&s));
     }
     let frame = PlaneFrame::across(DVec3::Z).expect("a direction");
     let planes = Planes { frame, first: 0.0, step: 0.5, count: 3 };
     let mut slicer = Slicer::default();
     let s = slicer.slice(&unit.positions, &Topology::build(8, &unit.triangles), &planes).expect("few points");
-    check_simple(&view(s));
-    assert_eq!(tessellate(&view(s), Method::Fast).plane_area(&view(s), 2), 1.0);
+    check_simple(&outlines(s));
+    assert_eq!(tessellate(&outlines(s), Method::Fast).plane_area(&outlines(s), 2), 1.0);
 }
 
 #[test]
@@ -325,18 +316,18 @@ fn refined_triangles_keep_their_limits() {
     let o = Owned::plane(&[&[square, hole]]);
     for keep_outline in [false, true] {
         let limits = Limits { min_angle: 20.0, max_area: 0.05, keep_outline };
-        let t = tessellate(&o.view(), Method::Quality(limits));
-        check(&o.view(), &t, 1e-9);
+        let t = tessellate(&o.outlines(), Method::Quality(limits));
+        check(&o.outlines(), &t, 1e-9);
         assert!(!t.extra.is_empty());
-        let areas = t.triangles.iter().map(|tri| shoelace(&tri.map(|i| t.point(&o.view(), i))));
+        let areas = t.triangles.iter().map(|tri| shoelace(&tri.map(|i| t.point(&o.outlines(), i))));
         let largest = areas.fold(0.0, f64::max);
         assert!(keep_outline || largest <= 0.05 * (1.0 + 1e-9), "{largest}");
         let inner = t.triangles.iter().filter(|tri| tri.iter().all(|&i| i >= 8));
-        let of_inner = inner.map(|tri| shoelace(&tri.map(|i| t.point(&o.view(), i)))).fold(0.0, f64::max);
+        let of_inner = inner.map(|tri| shoelace(&tri.map(|i| t.point(&o.outlines(), i)))).fold(0.0, f64::max);
         assert!(of_inner > 0.0 && of_inner <= 0.05 * (1.0 + 1e-9), "{of_inner}");
         if keep_outline {
-            let measured = rim(t.triangles.iter().map(|tri| tri.map(|i| t.point(&o.view(), i))));
-            assert_eq!(measured, rim_of_outline(&o.view()));
+            let measured = rim(t.triangles.iter().map(|tri| tri.map(|i| t.point(&o.outlines(), i))));
+            assert_eq!(measured, rim_of_outline(&o.outlines()));
             assert!(t.extra.len() > 60, "{}", t.extra.len());
         }
     }
@@ -350,7 +341,7 @@ fn results_do_not_depend_on_what_was_before() {
     {
         let (_, s) = sections(&mesh, DVec3::new(0.2, 0.3, 0.9), 77);
         for method in [Method::Fast, QUALITY, Method::Lyon] {
-            assert_eq!(*kept.run(&view(&s), method), tessellate(&view(&s), method));
+            assert_eq!(*kept.run(&outlines(&s), method), tessellate(&outlines(&s), method));
         }
     }
 }
@@ -396,7 +387,7 @@ fn bits(p: [u64; 2]) -> DVec2 {
 fn a_square_parted_by_squares() {
     let square = |x: f64, y: f64, h: f64| points(&[(x - h, y - h), (x + h, y - h), (x + h, y + h), (x - h, y + h)]);
     let o = Owned::plane(&[&[square(0.0, 0.0, 2.0), backwards(square(1.0, 1.0, 0.25))]]);
-    let o = o.view();
+    let o = o.outlines();
     let near = |a: (f64, f64), inside: f64| {
         assert!((a.0 - inside).abs() < 1e-12 && (a.1 - (15.75 - inside)).abs() < 1e-12, "{a:?} {inside}");
     };
@@ -438,10 +429,10 @@ fn sections_parted_by_boxes() {
             |k: usize| boxes.iter().map(|b| box_section(b, &planes.frame, planes.height(k))).collect::<Vec<_>>();
         let mut inside = 0.0;
         for k in 0..31 {
-            inside += check_regions(&view(&s), k, &convex_of(k), Method::Fast).0;
+            inside += check_regions(&outlines(&s), k, &convex_of(k), Method::Fast).0;
         }
         assert!(inside > 1.0);
-        let all = cut_planes(&view(&s), convex_of, Method::Fast);
+        let all = cut_planes(&outlines(&s), convex_of, Method::Fast);
         let together: f64 = all.iter().map(|r| r.inside.area()).sum();
         assert!((together - inside).abs() < 1e-9);
     }
@@ -458,7 +449,7 @@ proptest! {
         prop_assume!(n > 6);
         let outer = ring(n, |i| radii[i], DVec2::new(0.3, -0.2));
         let hole = backwards(ring(hole.len(), |i| hole[i], DVec2::new(0.3, -0.2)));
-        check_simple(&Owned::plane(&[&[outer, hole]]).view());
+        check_simple(&Owned::plane(&[&[outer, hole]]).outlines());
     }
 
     /// Random integer loops: touching, overlapping and crossing themselves. No panic, and never more than is wound round.
@@ -469,7 +460,7 @@ proptest! {
             if shoelace(&l) < 0.0 { backwards(l) } else { l }
         };
         let o = Owned::plane(&[&[to_loop(&p)], &[to_loop(&q)]]);
-        let o = o.view();
+        let o = o.outlines();
         for method in [Method::Fast, Method::Lyon, QUALITY] {
             let t = tessellate(&o, method);
             let area = t.plane_area(&o, 0);
@@ -495,7 +486,7 @@ proptest! {
                 let b = OrientedBox { center: DVec3::new(x, y, z), axes, half: DVec3::new(h, 0.5 * h, h) };
                 box_section(&b, &planes.frame, planes.height(k))
             }).collect();
-            check_regions(&view(&s), k, &convex, Method::Fast);
+            check_regions(&outlines(&s), k, &convex, Method::Fast);
         }
     }
 }

@@ -8,12 +8,13 @@ use anyhow::{Context, bail};
 use glam::DVec3;
 use serde_json::json;
 
+use crate::evaluate::geometry::outlines;
 use crate::io::{read_surface, write_atomic};
 use crate::math::PlaneFrame;
 use crate::mesh::Topology;
 use crate::mesh::check::{self, DefectKind};
 use crate::slice::{Planes, Slicer, Slices};
-use crate::tessellate::{Limits, Method, Outlines, Tessellator};
+use crate::tessellate::{Limits, Method, Tessellator};
 
 /// Cut a surface with parallel planes.
 ///
@@ -132,16 +133,6 @@ pub fn run(args: &Args) -> anyhow::Result<serde_json::Value> {
         "triangles": tessellator.result().triangles.len(),
         "ms": { "build": build, "contours": contours, "nesting": nesting, "tessellate": tessellate, "total": total },
     }))
-}
-
-fn outlines(s: &Slices) -> Outlines<'_> {
-    Outlines {
-        points: &s.points,
-        loop_start: &s.loop_start,
-        plane_start: &s.plane_start,
-        area: &s.area,
-        owner: &s.owner,
-    }
 }
 
 fn write_contours(slices: &Slices, out: &mut impl Write) -> std::io::Result<()> {

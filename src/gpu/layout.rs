@@ -184,9 +184,7 @@ pub struct SplineViewUniform {
     pub shell: [f32; 4],
     /// 1 if only what lies behind the layer before is drawn; by how many voxels; the rest is unused.
     pub peel: [f32; 4],
-    /// 1 if the surroundings take away ambient light, 1 if the light; size of a cell; the fourth is unused.
-    pub shade: [f32; 4],
-    /// `[0, 1]^3` over all cells of the occupancy from a voxel.
+    /// `[0, 1]^3` over all cells of the occupancy from a voxel; size of a cell in the world.
     pub unit: [f32; 4],
     pub caps: [[f32; 4]; SPLINE_COLORS],
 }

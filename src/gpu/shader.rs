@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use super::Coefficients;
+use super::{Coefficients, Shade};
 use crate::render::{FINISHED, Second};
 use crate::warp::SNAP;
 
@@ -187,21 +187,19 @@ fn ways(coefficients: Coefficients) -> String {
 /// sides of a branch, and others keep registers for them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct SplinePaint {
-    /// The surroundings take away ambient light.
-    pub occlusion: bool,
-    /// They take away the light.
-    pub shadows: bool,
+    /// Which light the surroundings take away.
+    pub shade: Shade,
     /// The surface is coloured by its curvature.
     pub curvature: bool,
 }
 
 impl SplinePaint {
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..8).map(|i| Self { occlusion: i & 1 != 0, shadows: i & 2 != 0, curvature: i & 4 != 0 })
+        (0..8).map(|i| Self { shade: Shade { ambient: i & 1 != 0, light: i & 2 != 0 }, curvature: i & 4 != 0 })
     }
 
     fn constants(self) -> String {
-        let Self { occlusion, shadows, curvature } = self;
+        let Self { shade: Shade { ambient: occlusion, light: shadows }, curvature } = self;
         format!(
             "const OCCLUSION: bool = {occlusion};\nconst SHADOWS: bool = {shadows};\nconst CURVATURE: bool = {curvature};\n"
         )

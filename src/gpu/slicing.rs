@@ -19,7 +19,7 @@ pub const ACCUMULATED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// Parts that slices are drawn in, so that what lies behind opaque pixels can be left out.
-const PARTS: u32 = 6;
+pub(super) const PARTS: u32 = 6;
 
 /// Slice geometry on the device. The buffers grow and are used again.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! How long the passes of a frame took on the device, and how much they did.
 
+use super::slicing::PARTS;
 use super::{Gpu, GpuError};
 
 /// Times of one frame in milliseconds.
@@ -77,7 +78,7 @@ impl Timer {
     }
 }
 
-/// Counts the fragments of up to [`Counter::PASSES`] passes.
+/// Counts the fragments of a frame's parts, each a pass of its own.
 #[derive(Debug)]
 pub struct Counter {
     queries: wgpu::QuerySet,
@@ -86,8 +87,6 @@ pub struct Counter {
 }
 
 impl Counter {
-    pub const PASSES: u32 = 32;
-
     /// `None` where the adapter has no pipeline statistics.
     pub fn new(gpu: &Gpu) -> Option<Self> {
         if !gpu.capabilities().statistics {
@@ -96,7 +95,7 @@ impl Counter {
         let buffer = |usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("fragments"),
-                size: u64::from(Self::PASSES) * 8,
+                size: u64::from(PARTS) * 8,
                 usage,
                 mapped_at_creation: false,
             })
@@ -105,7 +104,7 @@ impl Counter {
             queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("fragments"),
                 ty: wgpu::QueryType::PipelineStatistics(wgpu::PipelineStatisticsTypes::FRAGMENT_SHADER_INVOCATIONS),
-                count: Self::PASSES,
+                count: PARTS,
             }),
             resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
             readback: buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ),

@@ -11,6 +11,10 @@ pub struct OrientedBox {
 }
 
 impl OrientedBox {
+    /// The edges, by the numbers of their corners.
+    pub const EDGES: [[usize; 2]; 12] =
+        [[0, 1], [0, 2], [0, 4], [1, 3], [1, 5], [2, 3], [2, 6], [3, 7], [4, 5], [4, 6], [5, 7], [6, 7]];
+
     /// Coordinates of `point` in `[-1,1]^3` for points inside the box.
     pub fn local(&self, point: DVec3) -> DVec3 {
         self.axes.transpose() * (point - self.center) / self.half

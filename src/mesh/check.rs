@@ -235,8 +235,10 @@ impl MeshReport {
     }
 }
 
-/// Only those defects that [spoil slices](DefectKind::spoils_slices). On one thread it takes two or three times as long as parsing
-/// the text of the mesh's file, and shares the work among all there are; every pair of triangles with boxes that overlap is looked at.
+/// Only those defects that [spoil slices](DefectKind::spoils_slices).
+///
+/// Every pair of triangles with boxes that overlap is looked at. On one thread it takes two or three times as long as
+/// parsing the text of the mesh's file; the work is shared among all threads.
 pub fn slicing_defects(mesh: &TriMesh) -> Vec<Defect> {
     MeshReport::of(mesh).defects.into_iter().filter(|d| d.kind.spoils_slices()).collect()
 }

@@ -8,17 +8,13 @@ pub fn box_section(b: &OrientedBox, frame: &PlaneFrame, height: f64) -> Vec<DVec
     let corners = b.corners();
     let heights = corners.map(|c| frame.height(c) - height);
     let mut points = Vec::with_capacity(6);
-    for from in 0..8usize {
-        for axis in [1usize, 2, 4] {
-            let to = from | axis;
-            // each of the twelve edges once
-            if from & axis != 0 || (heights[from] >= 0.0) == (heights[to] >= 0.0) {
-                continue;
-            }
-            let (lo, hi) = if heights[from] < heights[to] { (from, to) } else { (to, from) };
-            let f = -heights[lo] / (heights[hi] - heights[lo]);
-            points.push(frame.project(corners[lo]) * (1.0 - f) + frame.project(corners[hi]) * f);
+    for [from, to] in OrientedBox::EDGES {
+        if (heights[from] >= 0.0) == (heights[to] >= 0.0) {
+            continue;
         }
+        let (lo, hi) = if heights[from] < heights[to] { (from, to) } else { (to, from) };
+        let f = -heights[lo] / (heights[hi] - heights[lo]);
+        points.push(frame.project(corners[lo]) * (1.0 - f) + frame.project(corners[hi]) * f);
     }
     if points.len() < 3 || points.iter().any(|p| !p.is_finite()) {
         return Vec::new();

@@ -1,6 +1,6 @@
 use glam::{DMat3, DVec3};
 
-use crate::math::BackwardMap;
+use crate::math::{BackwardMap, OrientedBox};
 
 /// The boxes in which a map displaces, ready for tests of edges and triangles against them. Made once per map.
 ///
@@ -25,10 +25,6 @@ struct Support {
     /// A point inside its section, where the bounds are those of the section with a plane.
     middle: Option<DVec3>,
 }
-
-/// The edges of a box, by its corners.
-const EDGES: [[usize; 2]; 12] =
-    [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 /// What the box is shrunk by before it is tested: there a C1 spline is 1e-18 of its peak.
 const HAIR: f64 = 1e-9;
@@ -159,7 +155,7 @@ impl Support {
     fn section(&self, heights: [f64; 8]) -> Option<Section> {
         let mut section = Section { lower: DVec3::INFINITY, upper: DVec3::NEG_INFINITY, middle: DVec3::ZERO };
         let mut count = 0.0;
-        for [i, j] in EDGES {
+        for [i, j] in OrientedBox::EDGES {
             if (heights[i] < 0.0) != (heights[j] < 0.0) {
                 let p = self.corners[i].lerp(self.corners[j], heights[i] / (heights[i] - heights[j]));
                 section.lower = section.lower.min(p);

@@ -147,13 +147,7 @@ impl Keeper {
                 Some((reach(d, &planes), *least))
             })
             .collect();
-        let all = Outlines {
-            points: &sections.points,
-            loop_start: &sections.loop_start,
-            plane_start: &sections.plane_start,
-            area: &sections.area,
-            owner: &sections.owner,
-        };
+        let all = outlines(sections);
         let outlines = Outlines { owner: &owner, ..all };
         let maker = Maker {
             planes,
@@ -184,6 +178,17 @@ impl Keeper {
         clip(&mut geometry, &object.clip);
         self.last = Some(Last { view, deformers, cuts, parts });
         Ok((geometry, warnings))
+    }
+}
+
+/// Sections, classified, as the tessellator takes them.
+pub fn outlines(sections: &Slices) -> Outlines<'_> {
+    Outlines {
+        points: &sections.points,
+        loop_start: &sections.loop_start,
+        plane_start: &sections.plane_start,
+        area: &sections.area,
+        owner: &sections.owner,
     }
 }
 

@@ -116,11 +116,11 @@ impl Drawer {
         })
     }
 
-    /// Hands the views of all surfaces to the device.
+    /// Hands the views of all surfaces to the device, which are painted alike.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`].
-    pub fn set_views(&mut self, gpu: &Gpu, views: &[SplineViewUniform]) -> Result<(), GpuError> {
+    pub fn set_views(&mut self, gpu: &Gpu, views: &[SplineViewUniform], paint: SplinePaint) -> Result<(), GpuError> {
         while self.uniforms.len() < views.len() {
             let size = size_of::<SplineViewUniform>() as u64;
             self.uniforms.push(gpu.allocate("a spline's view", size, || {
@@ -135,11 +135,7 @@ impl Drawer {
         for (buffer, view) in self.uniforms.iter().zip(views) {
             gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(view));
         }
-        self.paint = SplinePaint {
-            occlusion: views.iter().any(|v| v.shade[0] != 0.0),
-            shadows: views.iter().any(|v| v.shade[1] != 0.0),
-            curvature: views.iter().any(|v| v.tint[0] != 0.0),
-        };
+        self.paint = paint;
         Ok(())
     }
 

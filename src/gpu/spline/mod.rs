@@ -366,11 +366,12 @@ impl SplinePass {
         let Some(samples) = &self.samples else { return Ok(()) };
         let uniform = |shell| {
             let mut uniform = view.uniform(samples.dims, shell, layered.then_some(BEHIND));
-            view.shade(&mut uniform, self.occupancy.cells, self.occupancy.cell);
+            let [x, y, z] = self.occupancy.cells.map(|n| 0.5 / n as f32);
+            uniform.unit = [x, y, z, self.occupancy.cell as f32];
             uniform
         };
         let views: Vec<_> = shells.iter().map(uniform).collect();
-        self.drawer.set_views(gpu, &views)
+        self.drawer.set_views(gpu, &views, view.painted())
     }
 
     /// Records the classification of isovalues that are new, and says which are.

@@ -3,6 +3,7 @@
 use glam::{DAffine3, DMat4, DVec3, DVec4};
 
 use crate::gpu::layout::{SPLINE_PLANES, SplineViewUniform};
+use crate::gpu::shader::SplinePaint;
 use crate::spline::paint::{Curvature, NEGATIVE, POSITIVE, Paint, Shell};
 
 /// How a spline is looked at.
@@ -25,7 +26,7 @@ pub struct SplineView {
 }
 
 /// Which light the surroundings take away.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Shade {
     pub ambient: bool,
     pub light: bool,
@@ -182,12 +183,9 @@ impl SplineView {
         uniform
     }
 
-    /// Adds the light that is taken away.
-    pub fn shade(&self, uniform: &mut SplineViewUniform, cells: [usize; 3], cell: f64) {
-        let on = |on: bool| if on { 1.0 } else { 0.0 };
-        uniform.shade = [on(self.shade.ambient), on(self.shade.light), cell as f32, 0.0];
-        let [x, y, z] = cells.map(|n| 0.5 / n as f32);
-        uniform.unit = [x, y, z, 0.0];
+    /// What fragments do for this view.
+    pub fn painted(&self) -> SplinePaint {
+        SplinePaint { shade: self.shade, curvature: self.paint.curvature.is_some() }
     }
 
     fn colors(&self, uniform: &mut SplineViewUniform, iso: f64) {
