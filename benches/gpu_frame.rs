@@ -160,7 +160,7 @@ fn against_quads(renderer: &mut Renderer, field: &Field, table: &ClassTable, loo
     let geometry = Arc::new(box_slices(&field.grid, &camera, &Identity, 1.0, 0));
     let frame = Frame::new(&camera, look, field, [0.0, 255.0], &geometry, SIDE, SIDE);
     let visibility = Visibility::new(field, table, &frame).expect("a mode that culls");
-    let culled = cull(&geometry, visibility);
+    let culled = cull(&geometry, visibility, &frame, field);
     let count = fragments(&geometry, &culled, &frame);
     let quads = Arc::new(quads(count, &geometry, &frame));
     let mut times = [Vec::new(), Vec::new()];

@@ -362,6 +362,55 @@ fn what_lies_behind_opaque_pixels_changes_nothing() {
     }
 }
 
+/// Where nothing can be seen nothing is drawn: cells of the picture where slices lie still, parts of triangles elsewhere.
+#[test]
+#[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]
+fn what_cannot_be_seen_changes_nothing() {
+    let mut renderer = Renderer::new(gpu()).unwrap();
+    // many blocks of the pyramid
+    let grid = Grid { dims: grid().dims.map(|n| 3 * n), ..grid() };
+    let values = (0..grid.len()).map(|i| {
+        let [nx, ny, nz] = grid.dims;
+        (255.0
+            * shells([(i % nx) as f64 / nx as f64, (i / nx % ny) as f64 / ny as f64, (i / nx / ny) as f64 / nz as f64]))
+            as u8
+    });
+    let field = Field::from_volume(Arc::new(Volume::new(grid, 1, Samples::U8(values.collect()))));
+    renderer.set_field(&field).unwrap();
+    // only the innermost shell
+    let points = tf().points.into_iter().map(|p| ControlPoint { opacity: if p.at > 0.6 { 0.5 } else { 0.0 }, ..p });
+    let table = Arc::new(ClassTable::build(&TransferFunction { points: points.collect(), ..tf() }, 1.0, true));
+    renderer.set_table(&table);
+    let pull = Stack { items: stack().items.into_iter().take(1).collect() };
+    let small = |zoom: f64, perspective| Camera { target: grid.center(), radius: 110.0, zoom, ..camera(perspective) };
+    for (camera, deformed, [width, height]) in [
+        (small(1.5, false), false, [333, 217]),
+        (small(1.2, true), false, [400, 300]),
+        // more than the picture holds
+        (small(6.0, true), false, [257, 411]),
+        (small(1.4, true), true, [320, 320]),
+    ] {
+        let map: &dyn BackwardMap = if deformed { &pull } else { &Identity };
+        let geometry = Arc::new(box_slices(&field.grid, &camera, map, 1.0, if deformed { 4 } else { 0 }));
+        renderer.set_geometry(&geometry);
+        for shading in [Shading::Volume, iso(100.0)] {
+            let look = Look { shading, ..Look::default() };
+            let frame = Frame::new(&camera, &look, &field, field.range, &geometry, width, height);
+            let [with, without] = [true, false].map(|on| {
+                renderer.set_culling(on);
+                (renderer.draw(&frame).unwrap(), renderer.fragments())
+            });
+            let pairs = with.0.pixels.as_flattened().iter().zip(without.0.pixels.as_flattened());
+            let off = pairs.filter(|(a, b)| a.abs_diff(**b) > 1).count();
+            // where a corner lies on another triangle's edge, a pixel may be drawn twice or not at all
+            assert!(off as u32 <= width * height / 1000, "{deformed} {width} x {height}: {off}");
+            if let (Some(with), Some(without)) = (with.1, without.1) {
+                assert!(with < without, "{with} fragments instead of {without}");
+            }
+        }
+    }
+}
+
 /// Slices that cover the whole picture, and of which none hides another: as many fragments as slices times pixels.
 #[test]
 #[cfg_attr(not(gpu_adapter), ignore = "needs a graphics driver (Mesa's lavapipe will do)")]

@@ -30,8 +30,17 @@ struct Slices {
     source: Arc<SliceGeometry>,
     /// The Jacobian, where it is the same everywhere.
     jacobian: Option<[f32; 9]>,
-    /// What the buffers were culled for: window and mode; `None` if they are out of date.
-    culled_for: Option<([f32; 4], u32)>,
+    /// `None` if the buffers are out of date.
+    culled_for: Option<CulledFor>,
+}
+
+/// What slices were culled for.
+#[derive(Debug, PartialEq)]
+struct CulledFor {
+    window: [f32; 4],
+    clip_from_local: [[f32; 4]; 4],
+    /// Width, height and mode.
+    size: [u32; 3],
 }
 
 /// Draws slice geometry of a field on the GPU. Everything on the device is kept and used again between pictures.
@@ -254,14 +263,16 @@ impl Renderer {
         let (Some(slices), Some(object), Some(table)) = (&mut self.slices, &self.object, &self.table) else {
             return Ok(());
         };
-        let key = (frame.window, frame.size[2]);
-        if slices.culled_for != Some(key) {
+        let [width, height, mode, _] = frame.size;
+        let (window, clip_from_local) = (frame.window, frame.clip_from_local);
+        let culled_for = Some(CulledFor { window, clip_from_local, size: [width, height, mode] });
+        if slices.culled_for != culled_for {
             // the texture coordinates of the corners say nothing of the fragments' where the map is evaluated at each
             let visibility =
                 if self.culling && self.exact.is_none() { Visibility::new(&object.field, table, frame) } else { None };
-            let culled = visibility.map(|v| cull(&slices.source, v));
+            let culled = visibility.map(|v| cull(&slices.source, v, frame, &object.field));
             self.geometry.upload(&self.gpu, &slices.source, culled.as_ref())?;
-            slices.culled_for = Some(key);
+            slices.culled_for = culled_for;
         }
         if let Some((stack, uploaded)) = &mut self.exact {
             let center = slices.source.center;
