@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 use voxclay::math::{OrientedBox, PlaneFrame};
 use voxclay::mesh::{Topology, TriMesh, primitives};
-use voxclay::slice::{Defect, Planes, SliceError, Slicer, Slices, box_section};
+use voxclay::slice::{BoxSections, Defect, Planes, SliceError, Slicer, Slices};
 
 fn topology(mesh: &TriMesh) -> Topology {
     Topology::build(mesh.positions.len(), &mesh.triangles)
@@ -415,7 +415,7 @@ fn boxes_are_cut_in_convex_polygons() {
         let (planes, s) = slice(&mesh, DVec3::new(x(10), x(11), x(12)), 23);
         check_solid(&mesh, &planes, &s);
         for k in 0..23 {
-            let polygon = box_section(&b, &planes.frame, planes.height(k));
+            let polygon = BoxSections::new(&b, &planes.frame).at(planes.height(k));
             assert!((3..=6).contains(&polygon.len()));
             assert!((shoelace(&polygon) - s.plane_area(k)).abs() < 1e-12);
             for i in 0..polygon.len() {
@@ -423,12 +423,12 @@ fn boxes_are_cut_in_convex_polygons() {
                 assert!((b - a).perp_dot(c - b) > 0.0, "convex");
             }
         }
-        assert!(box_section(&b, &planes.frame, planes.height(0) - planes.step).is_empty());
+        assert!(BoxSections::new(&b, &planes.frame).at(planes.height(0) - planes.step).is_empty());
     }
     let b = OrientedBox { center: DVec3::splat(0.5), axes: DMat3::IDENTITY, half: DVec3::splat(0.5) };
     let frame = PlaneFrame::across(DVec3::Z).expect("a direction");
-    assert_eq!(box_section(&b, &frame, 1.0).len(), 4);
-    assert!(box_section(&b, &frame, 0.0).is_empty() && box_section(&b, &frame, f64::NAN).is_empty());
+    assert_eq!(BoxSections::new(&b, &frame).at(1.0).len(), 4);
+    assert!(BoxSections::new(&b, &frame).at(0.0).is_empty() && BoxSections::new(&b, &frame).at(f64::NAN).is_empty());
 }
 
 proptest! {

@@ -113,24 +113,9 @@ impl Worker {
         let shared = Arc::new(Shared::default());
         let (send, news) = channel();
         let (theirs, ctx) = (shared.clone(), ctx.clone());
-        let thread = std::thread::Builder::new().name("pictures".to_owned()).spawn(move || {
-            Painter {
-                shared: theirs,
-                send,
-                ctx,
-                backend,
-                renderer: None,
-                surface: SmoothLook::default(),
-                known: None,
-                warped: None,
-                lattice: None,
-                full: None,
-                smaller: None,
-                pace: Pace::default(),
-                surfaces: Pace::of_surfaces(),
-            }
-            .run();
-        });
+        let thread = std::thread::Builder::new()
+            .name("pictures".to_owned())
+            .spawn(move || Painter::new(theirs, send, ctx, backend).run());
         Self { shared, news, thread: thread.ok() }
     }
 
@@ -205,15 +190,48 @@ struct Known {
 }
 
 impl Painter {
+    fn new(shared: Arc<Shared>, send: Sender<News>, ctx: egui::Context, backend: Backend) -> Self {
+        Self {
+            shared,
+            send,
+            ctx,
+            backend,
+            renderer: None,
+            surface: SmoothLook::default(),
+            known: None,
+            warped: None,
+            lattice: None,
+            full: None,
+            smaller: None,
+            pace: Pace::default(),
+            surfaces: Pace::of_surfaces(),
+        }
+    }
+
     fn run(&mut self) {
         while let Some((generation, asked, want)) = self.shared.wishes.wait() {
-            if let Err(e) = self.serve(generation, asked, &want) {
+            self.guarded(|painter| painter.serve(generation, asked, &want));
+        }
+    }
+
+    /// Does some work. When it fails, says so and is ready for other work.
+    fn guarded(&mut self, work: impl FnOnce(&mut Self) -> Result<(), EvaluateError>) {
+        // a panic here is our bug, and must not leave the window without pictures
+        match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work(self))) {
+            Ok(Ok(())) => {}
+            Ok(Err(e)) => {
                 self.say(News::Failed(e.to_string()));
                 if matches!(e, EvaluateError::Gpu(_)) {
                     // the device may be gone for good: the CPU draws from now on
                     self.renderer = None;
                     self.backend = Backend::Cpu;
                 }
+            }
+            Err(_) => {
+                self.say(News::Failed("something went wrong inside; the document is as it was".to_owned()));
+                // nothing half made is kept
+                (self.renderer, self.known, self.warped, self.lattice) = (None, None, None, None);
+                (self.full, self.smaller, self.surface) = (None, None, SmoothLook::default());
             }
         }
     }
@@ -513,4 +531,28 @@ fn same_object(a: &Arc<Document>, b: &Arc<Document>) -> bool {
     let plain =
         |d: &Arc<Document>| Document { camera: CameraSpec::default(), look: LookSpec::default(), ..(**d).clone() };
     Arc::ptr_eq(a, b) || plain(a) == plain(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_said_and_other_work_goes_on() {
+        let (send, news) = channel();
+        let mut painter = Painter::new(Arc::default(), send, egui::Context::default(), Backend::Cpu);
+        let failed = || match news.try_recv() {
+            Ok(News::Failed(what)) => Some(what),
+            _ => None,
+        };
+        painter.guarded(|p| {
+            p.renderer = Some(Renderer::new(Backend::Cpu).unwrap());
+            panic!("as it must not");
+        });
+        assert!(failed().is_some_and(|what| what.contains("document is as it was")) && painter.renderer.is_none());
+        painter.guarded(|_| Err(EvaluateError::View));
+        assert_eq!(failed(), Some(EvaluateError::View.to_string()));
+        painter.guarded(|_| Ok(()));
+        assert_eq!(failed(), None);
+    }
 }

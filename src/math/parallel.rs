@@ -37,6 +37,7 @@ pub fn chunks_mut<T: Send, R: Send>(
 }
 
 /// Scratch memory that passes from one piece of work to the next: as many are made as run at the same time.
+#[derive(Debug)]
 pub struct Pool<W> {
     idle: Mutex<Vec<W>>,
 }

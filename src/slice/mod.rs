@@ -37,7 +37,8 @@ mod unite;
 mod walk;
 
 pub use index::{Planes, SlabIndex, SliceError};
-pub use section::box_section;
+pub use section::BoxSections;
+pub(crate) use unite::shapes;
 
 use glam::{DVec2, DVec3};
 

@@ -84,8 +84,8 @@ impl Slices {
     }
 }
 
-/// Outer loops, anticlockwise, each with its holes.
-fn shapes(loops: &[Vec<[f64; 2]>], rule: FillRule) -> Vec<Vec<Vec<[f64; 2]>>> {
+/// Outer loops, anticlockwise, each with its holes, of what the loops wind round; edges meet at their ends only.
+pub(crate) fn shapes(loops: &[Vec<[f64; 2]>], rule: FillRule) -> Vec<Vec<Vec<[f64; 2]>>> {
     let mut options = OverlayOptions::default();
     // points are kept, or the outlines of neighbouring planes would differ more than the planes do
     options.preserve_input_collinear = true;

@@ -109,14 +109,16 @@ impl Refiner {
                 }
                 [false, false, false] => {
                     let corners = face.v.map(|i| self.positions[i as usize]);
-                    let [a, b, c] = corners;
-                    let centroid = (a + b + c) / 3.0;
-                    let size = a.distance(b).max(b.distance(c)).max(c.distance(a));
-                    if supports.hidden_in_triangle(corners, rule.features) && size > rule.smallest.at(centroid) {
-                        self.split_at_centroid(face, centroid, map, rule);
-                    } else {
-                        self.triangles.push(face.v);
+                    if supports.hidden_in_triangle(corners, rule.features) {
+                        let [a, b, c] = corners;
+                        let centroid = (a + b + c) / 3.0;
+                        let size = a.distance(b).max(b.distance(c)).max(c.distance(a));
+                        if size > rule.smallest.at(centroid) {
+                            self.split_at_centroid(face, centroid, map, rule);
+                            continue;
+                        }
                     }
+                    self.triangles.push(face.v);
                 }
                 [true, false, false] => self.split_one(face, 0),
                 [false, true, false] => self.split_one(face, 1),

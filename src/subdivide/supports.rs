@@ -10,6 +10,8 @@ use crate::math::{BackwardMap, OrientedBox};
 pub struct Supports {
     boxes: Vec<Support>,
     feature: f64,
+    /// The smallest feature in any of the boxes.
+    least: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -53,12 +55,13 @@ impl Supports {
                 }
             })
             .collect();
-        Self { boxes, feature }
+        Self { boxes, feature, least: feature }
     }
 
     /// With the size of the smallest feature in each box, in the order of the map's boxes.
     pub fn with_features(mut self, features: impl IntoIterator<Item = f64>) -> Self {
         self.boxes.iter_mut().zip(features).for_each(|(s, feature)| s.feature = feature);
+        self.least = least(&self.boxes);
         self
     }
 
@@ -67,6 +70,7 @@ impl Supports {
         out.feature = self.feature;
         out.boxes.clear();
         out.boxes.extend(self.boxes.iter().filter_map(|s| s.at_plane(normal, height)));
+        out.least = least(&out.boxes);
     }
 
     /// Whether nothing is displaced anywhere.
@@ -87,8 +91,12 @@ impl Supports {
 
     /// Whether the segment passes through the inside of a box, and is longer than so many of its features.
     pub fn wants_split(&self, a: DVec3, b: DVec3, features: f64) -> bool {
-        let (lower, upper) = (a.min(b), a.max(b));
         let length = a.distance(b);
+        // most edges of a draft
+        if length <= features * self.least {
+            return false;
+        }
+        let (lower, upper) = (a.min(b), a.max(b));
         self.boxes.iter().any(|s| length > features * s.feature && !s.apart(lower, upper) && s.cuts(a, b))
     }
 
@@ -97,11 +105,18 @@ impl Supports {
     pub fn hidden_in_triangle(&self, t: [DVec3; 3], features: f64) -> bool {
         let (lower, upper) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
         let extent = (upper - lower).length();
+        if extent <= features * self.least {
+            return false;
+        }
         self.boxes.iter().any(|s| {
             let touches = || (0..3).any(|i| s.cuts(t[i], t[(i + 1) % 3]));
             extent > features * s.feature && !s.apart(lower, upper) && s.section_in(t) && !touches()
         })
     }
+}
+
+fn least(boxes: &[Support]) -> f64 {
+    boxes.iter().map(|s| s.feature).fold(f64::INFINITY, f64::min)
 }
 
 impl Support {

@@ -3,12 +3,13 @@
 use std::collections::HashMap;
 
 use glam::DVec2;
-use spade::handles::FixedVertexHandle;
+use i_overlay::core::fill_rule::FillRule;
 use spade::{
     AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation as _,
 };
 
 use super::{Limits, Polygon};
+use crate::slice::shapes;
 
 /// A vertex that knows which point of the outline it is.
 #[derive(Debug, Clone, Copy)]
@@ -42,33 +43,17 @@ const MOST_ADDED: (usize, usize) = (200, 20_000);
 /// Triangulates what the outline winds round. Points may touch, edges may cross. Leaves nothing out but what spade
 /// cannot represent (coordinates beyond 1e60).
 pub(super) fn run(polygon: &Polygon, limits: Limits, triangles: &mut Vec<[u32; 3]>, extra: &mut Vec<DVec2>) {
-    // spade takes each place once; -0 is 0
-    let mut place_of = HashMap::new();
-    let mut vertices: Vec<Vertex> = Vec::new();
-    let mut edges = Vec::new();
-    for (points, first) in polygon.loops() {
-        let mut places = points.iter().zip(first..).map(|(p, id)| {
-            let p = *p + DVec2::ZERO;
-            *place_of.entry([p.x.to_bits(), p.y.to_bits()]).or_insert_with(|| {
-                vertices.push(Vertex { at: spade::mitigate_underflow(Point2::new(p.x, p.y)), id });
-                vertices.len() - 1
-            })
-        });
-        let Some(start) = places.next() else { continue };
-        let mut from = start;
-        for to in places.chain([start]) {
-            if from != to {
-                edges.push([from, to]);
-            }
-            from = to;
+    let given = polygon.loops().map(|(points, first)| points.iter().copied().zip(first..));
+    let Some((mut cdt, crossed)) = load(given) else { return };
+    if crossed {
+        // spade can split edges where they cross, but fails where rounding puts the place beyond other edges
+        let loops: Vec<Vec<[f64; 2]>> =
+            polygon.loops().map(|(points, _)| points.iter().map(|p| p.to_array()).collect()).collect();
+        let united = shapes(&loops, FillRule::Positive).into_iter().flatten();
+        let added = united.map(|points| points.into_iter().map(|p| (DVec2::from(p), ADDED)));
+        if let Some((without, _)) = load(added) {
+            cdt = without;
         }
-    }
-    let mut crossing = Vec::new();
-    let Ok(mut cdt) = Cdt::try_bulk_load_cdt(vertices, edges, |e| crossing.push(e)) else { return };
-    // bulk loading leaves out edges that cross others; splitting takes them
-    for [a, b] in crossing {
-        let ends = [a, b].map(FixedVertexHandle::from_index);
-        cdt.add_constraint_and_split(ends[0], ends[1], Vertex::from);
     }
     if limits.min_angle > 0.0 || limits.max_area > 0.0 && limits.max_area.is_finite() {
         if limits.keep_outline {
@@ -92,6 +77,34 @@ pub(super) fn run(polygon: &Polygon, limits: Limits, triangles: &mut Vec<[u32; 3
             }));
         }
     }
+}
+
+/// Closed loops of points, each with its id, as constraints; and whether some were left out, since they cross others.
+fn load(loops: impl Iterator<Item = impl Iterator<Item = (DVec2, u32)>>) -> Option<(Cdt, bool)> {
+    // spade takes each place once; -0 is 0
+    let mut place_of = HashMap::new();
+    let mut vertices: Vec<Vertex> = Vec::new();
+    let mut edges = Vec::new();
+    for points in loops {
+        let mut places = points.map(|(p, id)| {
+            let p = p + DVec2::ZERO;
+            *place_of.entry([p.x.to_bits(), p.y.to_bits()]).or_insert_with(|| {
+                vertices.push(Vertex { at: spade::mitigate_underflow(Point2::new(p.x, p.y)), id });
+                vertices.len() - 1
+            })
+        });
+        let Some(start) = places.next() else { continue };
+        let mut from = start;
+        for to in places.chain([start]) {
+            if from != to {
+                edges.push([from, to]);
+            }
+            from = to;
+        }
+    }
+    let mut crossed = false;
+    let cdt = Cdt::try_bulk_load_cdt(vertices, edges, |_| crossed = true).ok()?;
+    Some((cdt, crossed))
 }
 
 fn refine(cdt: &mut Cdt, limits: Limits, area: f64) {

@@ -275,13 +275,16 @@ impl Window {
         if !(high.y + HAIR >= bottom && low.y - HAIR <= top) {
             return;
         }
-        let from = ((low.y - HAIR).floor() - bottom).max(0.0) as usize;
-        let to = ((high.y + HAIR).floor() - bottom) as usize;
+        // both are positive, so that the cast rounds down
+        let from = (low.y - HAIR - bottom).max(0.0) as usize;
+        let to = (high.y + HAIR - bottom) as usize;
         let rise = high.y - low.y;
-        let at = |y: f64| low.x + (high.x - low.x) * ((y - low.y) / rise).clamp(0.0, 1.0);
+        let slope = (high.x - low.x) / rise;
+        let (left, right) = (low.x.min(high.x), low.x.max(high.x));
+        let at = |y: f64| (low.x + slope * (y - low.y)).max(left).min(right);
         for row in from..=to.min(self.size[1] - 1) {
             let y = bottom + row as f64;
-            let (x0, x1) = if rise > 0.0 { (at(y - HAIR), at(y + 1.0 + HAIR)) } else { (a.x, b.x) };
+            let (x0, x1) = if slope.is_finite() { (at(y - HAIR), at(y + 1.0 + HAIR)) } else { (a.x, b.x) };
             visit(row, x0.min(x1), x0.max(x1));
         }
     }
@@ -289,8 +292,8 @@ impl Window {
     /// The columns between two places.
     fn columns(&self, lo: f64, hi: f64) -> std::ops::Range<usize> {
         let left = f64::from(self.first[0]);
-        let start = ((lo - HAIR).floor() - left).max(0.0) as usize;
-        let end = ((hi + HAIR).floor() - left + 1.0).max(0.0) as usize;
+        let start = (lo - HAIR - left).max(0.0) as usize;
+        let end = (hi + HAIR - left + 1.0).max(0.0) as usize;
         let end = end.min(self.size[0]);
         start.min(end)..end
     }

@@ -2,8 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::{GeometryOptions, Part, reach};
+use super::{GeometryOptions, Part, Scratch, reach};
 use crate::deform::Deformer;
+use crate::math::parallel::Pool;
 use crate::render::Projection;
 use crate::slice::{Planes, Slicer, Slices};
 use crate::tessellate::Tessellator;
@@ -17,6 +18,7 @@ pub struct Keeper {
     pub(super) before: Slices,
     pub(super) tessellator: Tessellator,
     pub(super) last: Option<Last>,
+    pub(super) scratch: Pool<Scratch>,
     pub(super) kept: usize,
 }
 

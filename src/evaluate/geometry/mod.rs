@@ -21,7 +21,7 @@ use super::load::Object;
 use crate::deform::{Blocks, Deformer, Prepared};
 use crate::math::{BackwardMap, OrientedBox, PlaneFrame};
 use crate::render::{Camera, Projection, SliceGeometry, SliceVertex};
-use crate::slice::{Planes, Slices, box_section};
+use crate::slice::{BoxSections, Planes, Slices};
 use crate::subdivide::{NextSlice, Refiner, Rule, Smallest, Supports, Texturing, corners};
 use crate::tessellate::regions::Cutter;
 use crate::tessellate::squares::Squares;
@@ -171,7 +171,10 @@ impl Keeper {
         // runs of planes, so that buffers are made once per run and not per plane
         let wanted: Vec<usize> = (0..planes.count).filter(|k| kept[*k].is_none()).collect();
         let run = wanted.len().div_ceil(8 * rayon::current_num_threads()).max(1);
-        let made: Vec<Vec<Part>> = wanted.par_chunks(run).map(|run| maker.parts(run)).collect();
+        let made: Vec<Vec<Part>> = wanted
+            .par_chunks(run)
+            .map(|run| self.scratch.with(Scratch::default, |scratch| maker.parts(run, scratch)))
+            .collect();
         let mut made = made.into_iter().flatten();
         let parts: Vec<Part> = kept.into_iter().map(|kept| kept.or_else(|| made.next()).unwrap_or_default()).collect();
         let mut geometry = join(&parts, center, planes.step);
@@ -194,16 +197,15 @@ pub fn outlines(sections: &Slices) -> Outlines<'_> {
 
 /// For each plane the sections of the boxes that may meet the object there.
 fn cuts(boxes: &[OrientedBox], planes: &Planes, sections: &Slices) -> Vec<Vec<Vec<DVec2>>> {
-    (0..planes.count)
-        .into_par_iter()
-        .map(|k| {
-            if boxes.is_empty() || sections.plane_loops(k).is_empty() {
-                return Vec::new();
-            }
-            let height = planes.height(k);
-            boxes.iter().map(|b| box_section(b, &planes.frame, height)).filter(|c| !c.is_empty()).collect()
-        })
-        .collect()
+    let boxes: Vec<_> = boxes.iter().map(|b| BoxSections::new(b, &planes.frame)).collect();
+    let cut = |k: usize| {
+        if boxes.is_empty() || sections.plane_loops(k).is_empty() {
+            return Vec::new();
+        }
+        let height = planes.height(k);
+        boxes.iter().map(|b| b.at(height)).filter(|c| !c.is_empty()).collect()
+    };
+    (0..planes.count).into_par_iter().with_min_len(16).map(cut).collect()
 }
 
 /// Heights between which a deformation changes texture coordinates: also those at the next plane.
@@ -297,7 +299,7 @@ struct Maker<'a> {
 }
 
 /// Buffers of one thread.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Scratch {
     cutter: Cutter,
     squares: Squares,
@@ -309,8 +311,7 @@ struct Scratch {
 }
 
 impl Maker<'_> {
-    fn parts(&self, planes: &[usize]) -> Vec<Part> {
-        let mut scratch = Scratch::default();
+    fn parts(&self, planes: &[usize], scratch: &mut Scratch) -> Vec<Part> {
         let mut parts = Vec::with_capacity(planes.len());
         for &k in planes {
             let mut part = Part::default();
@@ -320,16 +321,16 @@ impl Maker<'_> {
             {
                 let plane = Plane { k, height, next };
                 if self.cuts[k].is_empty() {
-                    self.plain(&plane, &mut scratch, &mut part);
+                    self.plain(&plane, scratch, &mut part);
                 } else {
                     self.supports.crossing(self.planes.frame.normal, height, &mut scratch.supports);
                     match self.refinement {
-                        Refinement::Depth(_) => self.cut(&plane, Method::Fast, &mut scratch, &mut part),
+                        Refinement::Depth(_) => self.cut(&plane, Method::Fast, scratch, &mut part),
                         // well-shaped triangles need fewer splits for the same error
                         Refinement::Tolerance(_) => {
-                            self.cut(&plane, Method::Quality(Limits::default()), &mut scratch, &mut part);
+                            self.cut(&plane, Method::Quality(Limits::default()), scratch, &mut part);
                         }
-                        Refinement::Draft => self.squares(&plane, &mut scratch, &mut part),
+                        Refinement::Draft => self.squares(&plane, scratch, &mut part),
                     }
                 }
             }
@@ -399,7 +400,8 @@ impl Maker<'_> {
             squares.rest.append(&mut squares.inside);
         }
         self.refine(plane, &squares.points, &squares.rest, supports, refiner);
-        part.indices.extend(squares.inside.iter().flatten());
+        part.indices.reserve_exact(3 * (squares.inside.len() + refiner.triangles().len()));
+        part.indices.extend_from_slice(squares.inside.as_flattened());
         self.displaced(plane, refiner, part);
     }
 
@@ -426,6 +428,7 @@ impl Maker<'_> {
     fn displaced(&self, plane: &Plane, refiner: &Refiner, part: &mut Part) {
         let base = part.vertices.len() as u32;
         let texturing = Texturing::new(&self.texture_from_world, Some(plane.next), self.center);
+        part.vertices.reserve_exact(refiner.positions().len());
         corners(refiner.positions(), &self.blocks, &texturing, true, |c| {
             part.vertices.push(SliceVertex {
                 position: c.position,
@@ -434,7 +437,7 @@ impl Maker<'_> {
                 jacobian: c.jacobian,
             });
         });
-        part.indices.extend(refiner.triangles().iter().flatten().map(|i| i + base));
+        part.indices.extend(refiner.triangles().as_flattened().iter().map(|i| i + base));
     }
 
     /// Emits vertices whose texture coordinates are an affine map of position.
