@@ -20,6 +20,9 @@ pub struct Pace {
 /// Coarse pictures stay as coarse as they are while what fits is within this factor: a picture must not swim under the hand, and
 /// slices that stay where they are need not be made again.
 const STEADY: f64 = 1.3;
+/// The number of slices rises only when so many times as many fit: with another number all of them are made again, and the
+/// time of that speaks against it at once.
+const RISE: f64 = 2.0;
 /// The part of the time in which slices are made; the rest is for their pixels.
 const MAKING: f64 = 0.1;
 /// Fewer slices tear the object apart.
@@ -43,7 +46,8 @@ impl Pace {
         let work = f64::from(w) * f64::from(h) * report.slices.max(1) as f64;
         let mix = |old: f64, new: f64| 0.6 * old + 0.4 * new;
         self.pixel = mix(self.pixel, report.ms_draw * 1e6 / work.max(1.0)).clamp(1e-4, 1e4);
-        if coarse {
+        // where most were kept their time says nothing of what others take
+        if coarse && 4 * report.made >= report.slices {
             self.slice = mix(self.slice, report.ms_geometry / report.slices.max(1) as f64).clamp(1e-4, 1e3);
         }
     }
@@ -57,19 +61,20 @@ impl Pace {
     /// The same for coarse pictures: it changes in steps.
     pub fn coarse(&mut self, size: (u32, u32), slices: f64, budget: f64) -> f64 {
         let scale = self.scale(size, slices, budget);
-        steady(&mut self.scale, scale)
+        steady(&mut self.scale, scale, STEADY)
     }
 
     /// Of the slices wanted, as many as can be made in a tenth of `budget` milliseconds; this changes in steps, too.
     pub fn slices(&mut self, wanted: f64, budget: f64) -> f64 {
         let slices = wanted.min((MAKING * budget / self.slice).max(FEWEST)).round();
-        steady(&mut self.slices, slices)
+        let few = self.slices < wanted.min(FEWEST);
+        steady(&mut self.slices, slices, if few { 1.0 } else { RISE })
     }
 }
 
-/// What was taken last, unless what fits now is too far from it.
-fn steady(taken: &mut f64, fits: f64) -> f64 {
-    if !(*taken / STEADY..=*taken * STEADY).contains(&fits) {
+/// What was taken last, unless what fits now is too far below it, or `rise` times as much.
+fn steady(taken: &mut f64, fits: f64, rise: f64) -> f64 {
+    if !(*taken / STEADY..=*taken * rise).contains(&fits) {
         *taken = fits;
     }
     *taken
@@ -111,6 +116,12 @@ mod tests {
         assert_eq!(pace.slices(1000.0, 33.0), 165.0);
         pace.slice = 5.0;
         assert_eq!(pace.slices(1000.0, 33.0), FEWEST);
+        // less time for each makes no more of them until there may be twice as many
+        pace.slice = 0.03;
+        assert_eq!(pace.slices(1000.0, 33.0), FEWEST);
+        pace.slice = 0.02;
+        assert_eq!(pace.slices(1000.0, 33.0), 165.0);
         assert_eq!(pace.slices(40.0, 33.0), 40.0);
+        assert_eq!(pace.slices(60.0, 33.0), 60.0);
     }
 }

@@ -61,9 +61,11 @@ pub struct ViewOptions {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PictureReport {
     pub slices: usize,
+    /// Those of them that were made for this picture; the others were kept from the last.
+    pub made: usize,
     pub triangles: usize,
     /// Fragments that were shaded; `None` where the GPU cannot count them. The CPU leaves out those behind opaque ones and
-    /// where nothing can be seen, the GPU only whole triangles of such.
+    /// where nothing can be seen, the GPU only cells of the picture and whole triangles of such.
     pub fragments: Option<u64>,
     pub backend: &'static str,
     pub device: String,
@@ -237,6 +239,7 @@ impl Renderer {
         }
         let keeper = if options.refinement == Refinement::Draft { &mut self.drafts } else { &mut self.slices };
         let (geometry, warnings) = keeper.slices(object, camera, &geometry_options(options))?;
+        let made = geometry.slices.len().saturating_sub(keeper.kept());
         let geometry = Arc::new(geometry);
         let ms_geometry = started.elapsed().as_secs_f64() * 1e3;
         if stop() {
@@ -271,6 +274,7 @@ impl Renderer {
         };
         let report = PictureReport {
             slices: geometry.slices.len(),
+            made,
             triangles: geometry.indices.len() / 3,
             fragments,
             tets: None,

@@ -224,10 +224,10 @@ fn extent(frame: &PlaneFrame, positions: &[DVec3]) -> (f64, f64) {
     if lo <= hi { (lo, hi) } else { (0.0, 0.0) }
 }
 
-/// Widened to multiples of some hundredth of a slice: planes stay where they are while the mesh moves by less, as rounding
-/// alone makes it, and what they hold is kept.
+/// Widened to multiples of a slice or half of one: planes stay where they are while the mesh moves by less, and what they hold
+/// is kept.
 fn steadied([lo, hi]: [f64; 2], slices: f64) -> [f64; 2] {
-    let unit = ((hi - lo) / slices / 64.0).log2().floor().exp2();
+    let unit = ((hi - lo) / slices).log2().floor().exp2();
     if unit.is_normal() { [(lo / unit).floor() * unit, (hi / unit).ceil() * unit] } else { [lo, hi] }
 }
 

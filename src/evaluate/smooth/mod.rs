@@ -257,6 +257,7 @@ pub(super) fn picture(
         return Ok(None);
     }
     let mut report = PictureReport {
+        made: 0,
         slices: 0,
         triangles: 0,
         fragments: None,
