@@ -18,7 +18,7 @@
 //!
 //! | layer | modules |
 //! |---|---|
-//! | L0 | [`math`]: spaces, oriented boxes, quadratic B-splines |
+//! | L0 | [`math`]: spaces, oriented boxes, quadratic B-splines, winding |
 //! | L1 | [`volume`]: grid with its affine frame, sampling, histogram, transfer function, phantoms; [`mesh`]: surface mesh with edge list, checks, primitives; tetrahedral meshes, cells that become such, and how they are made |
 //! | L2 | [`io`], [`deform`], [`slice`](mod@slice), [`tessellate`], [`subdivide`], [`render`] (view, shading, the CPU renderer of slice geometry), [`warp`]: tetrahedron rasterization, [`spline`]: smooth iso-surfaces, their rays and meshes, [`compare`]: metrics of pictures and volumes |
 //! | L3 | [`scene`]: the document, edits, history, project file; [`gpu`]: device, passes, readback |

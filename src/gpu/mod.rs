@@ -8,7 +8,7 @@
 //!
 //! Departures from the paper: opacity is pre-integrated; an iso-surface is found by depth test, nearest slice first, so that
 //! hidden fragments are not shaded; translucent slices, too, come nearest first, in parts between which pixels that became
-//! opaque are marked; triangles in which nothing can be seen are left out before they are drawn ([`cull`]);
+//! opaque are marked; parts in which nothing can be seen are left out before they are drawn ([`cull`]);
 //! export computes samples instead of drawing them ([`ResamplePass`], [`WarpPass`]); smooth iso-surfaces are drawn without slices
 //! ([`SplinePass`]).
 //!

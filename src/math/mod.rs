@@ -1,4 +1,4 @@
-//! L0: spaces, oriented boxes, B-splines and turns. Everything is `f64`, but for the blocks ([`Block`]) and vectors ([`lanes`]) of
+//! L0: spaces, oriented boxes, B-splines, turns and winding. Everything is `f64`, but for the blocks ([`Block`]) and vectors ([`lanes`]) of
 //! hot loops, which may be `f32`.
 
 mod backward;
@@ -10,6 +10,7 @@ pub mod parallel;
 mod plane;
 mod real;
 pub mod turn;
+pub mod winding;
 
 pub use backward::{BackwardMap, Identity};
 pub use block::{BLOCK, Block, BlockMap, JacobianBlock};

@@ -38,7 +38,6 @@ mod walk;
 
 pub use index::{Planes, SlabIndex, SliceError};
 pub use section::BoxSections;
-pub(crate) use unite::shapes;
 
 use glam::{DVec2, DVec3};
 

@@ -3,13 +3,12 @@
 use std::collections::HashMap;
 
 use glam::DVec2;
-use i_overlay::core::fill_rule::FillRule;
 use spade::{
     AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation as _,
 };
 
 use super::{Limits, Polygon};
-use crate::slice::shapes;
+use crate::math::winding::{FillRule, shapes};
 
 /// A vertex that knows which point of the outline it is.
 #[derive(Debug, Clone, Copy)]
