@@ -29,7 +29,8 @@
 //!
 //! World (millimetres or the file's unit) -> texture `[0,1]^3` -> voxel (index, the centre of voxel 0 at 0). A matrix is
 //! named `target_from_source`: `texture_from_world * point_in_world`. Start reading at [`evaluate`].
-#![forbid(unsafe_code)]
+// but for hints to the processor (`math/prefetch.rs`)
+#![deny(unsafe_code)]
 
 pub mod app;
 pub mod cli;

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 use super::brush_kernel::BrushKernel;
 use super::kernel::{BallKernel, Kernel, SplineKernel};
 use super::lattice_kernel::LatticeKernel;
-use crate::math::{Block, Real};
+use crate::math::{Block, Real, lanes};
 
 /// A stack as a map of coordinates in which the world is an affine image. Made by [`super::Prepared::in_frame`].
 #[derive(Debug, Clone)]
@@ -177,7 +177,7 @@ impl Near {
     /// If there is no such step.
     pub fn backward(&self, acting: &[usize], points: &mut [Block<f32>]) {
         if !acting.is_empty() {
-            pulp::Arch::new().dispatch(Displace { steps: &self.steps, acting, points });
+            lanes::dispatch(Displace { steps: &self.steps, acting, points });
         }
     }
 }

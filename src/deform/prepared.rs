@@ -10,7 +10,7 @@ use super::kernel::{BallKernel, Kernel, SplineKernel};
 use super::lattice_kernel::LatticeKernel;
 use super::stack::{brushed, outer, with_gradient};
 use super::{DeformError, Deformer};
-use crate::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox, Real};
+use crate::math::{BLOCK, BackwardMap, Block, BlockMap, JacobianBlock, OrientedBox, Real, lanes};
 
 /// A stack ready to be evaluated in `f64`: axes, inverse lengths and boxes worked out.
 #[derive(Debug, Clone, Default)]
@@ -327,14 +327,14 @@ impl<T: Real> BlockMap<T> for Blocks<T> {
 
     fn backward_block(&self, points: &mut Block<T>) {
         if !self.steps.is_empty() {
-            pulp::Arch::new().dispatch(Displace { steps: &self.steps, points });
+            lanes::dispatch(Displace { steps: &self.steps, points });
         }
     }
 
     fn backward_block_with_jacobian(&self, points: &mut Block<T>, jacobian: &mut JacobianBlock<T>) {
         jacobian.set_identity();
         if !self.steps.is_empty() {
-            pulp::Arch::new().dispatch(DisplaceWithJacobian { steps: &self.steps, points, jacobian });
+            lanes::dispatch(DisplaceWithJacobian { steps: &self.steps, points, jacobian });
         }
     }
 }

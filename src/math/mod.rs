@@ -8,6 +8,7 @@ pub mod lanes;
 mod oriented_box;
 pub mod parallel;
 mod plane;
+pub mod prefetch;
 mod real;
 pub mod turn;
 pub mod winding;

@@ -6,7 +6,7 @@
 
 use pulp::WithSimd;
 
-use crate::math::parallel;
+use crate::math::{lanes, parallel};
 
 /// A volume with one more layer of samples on every side, which repeats the outermost.
 #[derive(Debug, Clone, PartialEq)]
@@ -166,7 +166,7 @@ impl Sums {
         ];
         let (left, right) = (&own[at - width..][..width], &own[at + width..][..width]);
         let (below, own, above) = (&below[at..][..width], &own[at..][..width], &above[at..][..width]);
-        pulp::Arch::new().dispatch(Row { sums: self, below, own, above, left, right, corners });
+        lanes::dispatch(Row { sums: self, below, own, above, left, right, corners });
         &self.smooth
     }
 }

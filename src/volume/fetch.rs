@@ -4,21 +4,21 @@ use super::Scalar;
 
 /// A number that samples are blended in: wide enough that blending with weights 0 and 1 gives every sample back.
 pub trait Blend: Copy + Default + Send + Sync {
-    /// `a + t (b - a)`.
-    fn blend(a: Self, b: Self, t: f32) -> Self;
+    /// `a + t (b - a)`; `FUSED`: rounded once less, which only processors with such an instruction do quickly.
+    fn blend<const FUSED: bool>(a: Self, b: Self, t: f32) -> Self;
 }
 
 impl Blend for f32 {
     #[inline(always)]
-    fn blend(a: Self, b: Self, t: f32) -> Self {
-        a + t * (b - a)
+    fn blend<const FUSED: bool>(a: Self, b: Self, t: f32) -> Self {
+        if FUSED { (b - a).mul_add(t, a) } else { a + t * (b - a) }
     }
 }
 
 impl Blend for f64 {
     #[inline(always)]
-    fn blend(a: Self, b: Self, t: f32) -> Self {
-        a + f64::from(t) * (b - a)
+    fn blend<const FUSED: bool>(a: Self, b: Self, t: f32) -> Self {
+        if FUSED { (b - a).mul_add(f64::from(t), a) } else { a + f64::from(t) * (b - a) }
     }
 }
 

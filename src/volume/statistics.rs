@@ -4,7 +4,7 @@
 //! threads. NaNs are counted and left out.
 
 use super::{Rescale, Samples, Scalar, Volume};
-use crate::math::parallel;
+use crate::math::{lanes, parallel};
 use crate::with_samples;
 
 /// Voxels in a piece: the sums of integers of up to 32 bits are exact in it.
@@ -94,7 +94,7 @@ struct Part {
 impl Part {
     /// Of at most [`PIECE`] values.
     fn of<T: Summed>(values: &[T]) -> Self {
-        pulp::Arch::new().dispatch(Take { values })
+        lanes::dispatch(Take { values })
     }
 }
 

@@ -1,27 +1,22 @@
 //! Trilinear look-ups of many short rows at a time.
 //!
 //! A row in a tetrahedron has some ten voxels, fewer than two vectors, and one look-up is a long chain: coordinates, cell,
-//! eight samples, seven blends. So rows are collected until there are some two hundred voxels, and then worked off in three
+//! eight samples, seven blends. So rows are collected until there are some hundreds of voxels, and then worked off in three
 //! passes over small arrays (cells and fractions, samples, blends), each with many independent short chains and full
 //! vectors. Only the samples go voxel by voxel, two neighbours at a time.
 
 use glam::DVec3;
-use pulp::WithSimd;
 
-use super::row::{Place, Reader};
+use super::machine::{Machine, Row, WIDEST, Work};
+use super::row::Reader;
+use crate::math::prefetch;
 use crate::volume::fetch::{Blend, Fetch};
 
-/// Voxels that are computed together.
-const LANES: usize = 8;
-
 /// Voxels of a full batch.
-const FULL: usize = 256;
+const FULL: usize = 512;
 
 /// Room for a batch and what the last vector writes behind it.
-const ROOM: usize = FULL + LANES;
-
-/// Adding this to a number in +-2^22 rounds it to a whole number, which then stands in the low bits.
-const MAGIC: f32 = 12_582_912.0;
+const ROOM: usize = FULL + WIDEST;
 
 /// Rows that wait to be looked up.
 pub(super) struct Batch<T: Fetch> {
@@ -50,13 +45,13 @@ impl<T: Fetch> Batch<T> {
     }
 
     /// Adds a row whose voxels lie in the input, and looks up what waits if there is no room for it. The row starts at voxel
-    /// `start` of the output and at `from`, relative to its place, in the input.
+    /// `start` of the output.
     #[inline(always)]
-    pub fn push(
+    pub fn push<M: Machine>(
         &mut self,
+        machine: M,
         reader: &Reader<'_, T>,
-        place: &Place,
-        from: [f32; 3],
+        row: Row<'_>,
         start: usize,
         count: usize,
         out: &mut [T],
@@ -65,14 +60,24 @@ impl<T: Fetch> Batch<T> {
         loop {
             let part = (count - done).min(FULL);
             if self.voxels + part > FULL {
-                self.flush(reader, out);
+                self.flush(machine, reader, out);
             }
             self.rows.push((start + done, part));
+            // it is written when the batch is full
+            let (mut line, end) = ((start + done) * reader.channels(), (start + done + part) * reader.channels() - 1);
+            while line < end {
+                prefetch::write(out, line);
+                line += prefetch::LINE / size_of::<T>();
+            }
+            prefetch::write(out, end);
             let first = self.voxels;
+            let [fx, fy, fz] = &mut self.fraction;
             let mut l = 0;
             while l < part {
-                self.cells(reader, place, from, done + l, first + l);
-                l += LANES;
+                let to = first + l..first + l + M::LANES;
+                let fraction = [&mut fx[to.clone()], &mut fy[to.clone()], &mut fz[to.clone()]];
+                machine.cells(row, done + l, &mut self.at[to], fraction);
+                l += M::LANES;
             }
             self.voxels += part;
             done += part;
@@ -82,34 +87,10 @@ impl<T: Fetch> Batch<T> {
         }
     }
 
-    /// Cells and fractions of the voxels from the row's number `number` on, a vector of them, into `to..`.
-    #[inline(always)]
-    fn cells(&mut self, reader: &Reader<'_, T>, place: &Place, from: [f32; 3], number: usize, to: usize) {
-        let [sx, sy, sz] = reader.stride.map(|s| s as i32);
-        let stride = [sx, sy, sz];
-        let mut at = [place.first; LANES];
-        for a in 0..3 {
-            let (last, end) = (place.last[a], place.last[a] - 1.0 + MAGIC);
-            let fraction = &mut self.fraction[a][to..to + LANES];
-            for l in 0..LANES {
-                let v = from[a] + (number as i32 + l as i32) as f32 * place.step[a];
-                let v = if v > 0.0 { v } else { 0.0 };
-                let v = if v < last { v } else { last };
-                // rounds down; a whole number may come out as one less, where the fraction is 1
-                let cell = (v - 0.5) + MAGIC;
-                let cell = if cell < end { cell } else { end };
-                fraction[l] = v - (cell - MAGIC);
-                let whole = cell.to_bits() as i32 - MAGIC.to_bits() as i32;
-                at[l] = at[l].wrapping_add(whole.wrapping_mul(stride[a]));
-            }
-        }
-        self.at[to..to + LANES].copy_from_slice(&at);
-    }
-
     /// Looks up what waits.
-    pub fn flush(&mut self, reader: &Reader<'_, T>, out: &mut [T]) {
+    pub fn flush<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>, out: &mut [T]) {
         if self.voxels > 0 {
-            pulp::Arch::new().dispatch(Flush { batch: self, reader, out });
+            machine.enter(Flush { batch: self, reader, out });
         }
         self.voxels = 0;
         self.rows.clear();
@@ -122,12 +103,14 @@ impl<T: Fetch> Batch<T> {
         let length = reader.lines[3].len();
         let [a, b, c, d] = reader.lines.map(|line| &line[..length]);
         let [pa, pb, pc, pd] = &mut self.pairs;
-        let pairs = pa.iter_mut().zip(pb).zip(pc).zip(pd);
-        for ((((pa, pb), pc), pd), at) in pairs.zip(&self.at).take(self.voxels) {
-            let at = *at as u32 as usize + channel;
+        let pairs = pa.iter_mut().zip(pb).zip(pc).zip(pd).zip(&self.at).take(self.voxels);
+        for ((((pa, pb), pc), pd), at) in pairs {
+            // from 32 bits, so that the next one is known not to wrap
+            let at = *at as u32 as usize;
             if next == 1 {
                 (*pa, *pb, *pc, *pd) = (T::pair(a, at, 1), T::pair(b, at, 1), T::pair(c, at, 1), T::pair(d, at, 1));
             } else {
+                let at = at + channel;
                 *pa = T::pair(a, at, next);
                 *pb = T::pair(b, at, next);
                 *pc = T::pair(c, at, next);
@@ -137,18 +120,19 @@ impl<T: Fetch> Batch<T> {
     }
 
     #[inline(always)]
-    fn blend(&mut self) {
+    pub fn blend<const LANES: usize, const FUSED: bool>(&mut self) {
         for v in 0..self.voxels.div_ceil(LANES) {
             let from = v * LANES;
             // written out: a closure over these would not be inlined, and run without vector code
-            let fx = lanes(&self.fraction[0], from);
-            let fy = lanes(&self.fraction[1], from);
-            let fz = lanes(&self.fraction[2], from);
-            let a = blend_pairs::<T>(&lanes(&self.pairs[0], from), &fx);
-            let b = blend_pairs::<T>(&lanes(&self.pairs[1], from), &fx);
-            let c = blend_pairs::<T>(&lanes(&self.pairs[2], from), &fx);
-            let d = blend_pairs::<T>(&lanes(&self.pairs[3], from), &fx);
-            let value = blend(&blend(&a, &b, &fy), &blend(&c, &d, &fy), &fz);
+            let fx = lanes::<_, LANES>(&self.fraction[0], from);
+            let fy = lanes::<_, LANES>(&self.fraction[1], from);
+            let fz = lanes::<_, LANES>(&self.fraction[2], from);
+            let a = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[0], from), &fx);
+            let b = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[1], from), &fx);
+            let c = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[2], from), &fx);
+            let d = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[3], from), &fx);
+            let (ab, cd) = (blend::<_, LANES, FUSED>(&a, &b, &fy), blend::<_, LANES, FUSED>(&c, &d, &fy));
+            let value = blend::<_, LANES, FUSED>(&ab, &cd, &fz);
             let mut out = [T::zeroed(); LANES];
             for l in 0..LANES {
                 out[l] = T::narrow(value[l]);
@@ -192,21 +176,40 @@ impl<T: Fetch> Batch<T> {
     }
 }
 
+/// A row for a batch, from code that is not compiled for the machine.
+pub(super) struct Push<'a, 'b, T: Fetch> {
+    pub batch: &'a mut Batch<T>,
+    pub reader: &'a Reader<'b, T>,
+    pub row: Row<'a>,
+    pub start: usize,
+    pub count: usize,
+    pub out: &'a mut [T],
+}
+
+impl<T: Fetch> Work for Push<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) {
+        self.batch.push(machine, self.reader, self.row, self.start, self.count, self.out);
+    }
+}
+
 struct Flush<'a, 'b, T: Fetch> {
     batch: &'a mut Batch<T>,
     reader: &'a Reader<'b, T>,
     out: &'a mut [T],
 }
 
-impl<T: Fetch> WithSimd for Flush<'_, '_, T> {
+impl<T: Fetch> Work for Flush<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
+    fn run<M: Machine>(self, machine: M) {
         let Self { batch, reader, out } = self;
         for channel in 0..reader.channels() {
             batch.gather(reader, channel);
-            batch.blend();
+            machine.blend(batch);
             batch.scatter(reader, channel, out);
             if T::SPECIAL && !batch.value[..batch.voxels].iter().all(|v| v.to_f64().is_finite()) {
                 // all channels at once, and they are right then
@@ -218,7 +221,7 @@ impl<T: Fetch> WithSimd for Flush<'_, '_, T> {
 
 /// One vector; arrays of its size are what the compiler makes vector code of.
 #[inline(always)]
-fn lanes<V: Copy + Default>(values: &[V; ROOM], from: usize) -> [V; LANES] {
+fn lanes<V: Copy + Default, const LANES: usize>(values: &[V; ROOM], from: usize) -> [V; LANES] {
     let mut out = [V::default(); LANES];
     out.copy_from_slice(&values[from..from + LANES]);
     out
@@ -226,19 +229,26 @@ fn lanes<V: Copy + Default>(values: &[V; ROOM], from: usize) -> [V; LANES] {
 
 /// Blends of neighbours.
 #[inline(always)]
-fn blend_pairs<T: Fetch>(pairs: &[T::Pair; LANES], t: &[f32; LANES]) -> [T::Wide; LANES] {
+fn blend_pairs<T: Fetch, const LANES: usize, const FUSED: bool>(
+    pairs: &[T::Pair; LANES],
+    t: &[f32; LANES],
+) -> [T::Wide; LANES] {
     let mut out = [T::Wide::default(); LANES];
     for l in 0..LANES {
-        out[l] = T::Wide::blend(T::of_pair(pairs[l], 0), T::of_pair(pairs[l], 1), t[l]);
+        out[l] = T::Wide::blend::<FUSED>(T::of_pair(pairs[l], 0), T::of_pair(pairs[l], 1), t[l]);
     }
     out
 }
 
 #[inline(always)]
-fn blend<W: Blend>(a: &[W; LANES], b: &[W; LANES], t: &[f32; LANES]) -> [W; LANES] {
+fn blend<W: Blend, const LANES: usize, const FUSED: bool>(
+    a: &[W; LANES],
+    b: &[W; LANES],
+    t: &[f32; LANES],
+) -> [W; LANES] {
     let mut out = [W::default(); LANES];
     for l in 0..LANES {
-        out[l] = W::blend(a[l], b[l], t[l]);
+        out[l] = W::blend::<FUSED>(a[l], b[l], t[l]);
     }
     out
 }
@@ -249,13 +259,13 @@ fn blend<W: Blend>(a: &[W; LANES], b: &[W; LANES], t: &[f32; LANES]) -> [W; LANE
 fn copy<T: Copy>(values: &[T; ROOM], from: usize, out: &mut [T]) {
     let values = &values[from..from + out.len()];
     let count = out.len();
-    if count >= LANES {
+    if count >= 8 {
         let mut done = 0;
-        while done + LANES <= count {
-            out[done..done + LANES].copy_from_slice(&values[done..done + LANES]);
-            done += LANES;
+        while done + 8 <= count {
+            out[done..done + 8].copy_from_slice(&values[done..done + 8]);
+            done += 8;
         }
-        out[count - LANES..].copy_from_slice(&values[count - LANES..]);
+        out[count - 8..].copy_from_slice(&values[count - 8..]);
     } else if count >= 4 {
         out[..4].copy_from_slice(&values[..4]);
         out[count - 4..].copy_from_slice(&values[count - 4..]);

@@ -26,9 +26,11 @@
 
 mod batch;
 pub mod cells;
+mod machine;
 mod raster;
 mod row;
 mod setup;
+mod touch;
 
 use glam::DVec3;
 

@@ -1,12 +1,13 @@
 //! A slab of layers of the output: which voxels each tetrahedron holds, and which of them are its own.
 
 use glam::DVec3;
-use pulp::WithSimd;
 
-use super::batch::Batch;
+use super::batch::{Batch, Push};
 use super::cells::Candidates;
+use super::machine::{self, Machine, Work};
 use super::row::{EDGE, Line, Place, Reader};
 use super::setup::Tet;
+use super::touch;
 use super::{Culling, OVERLAP, Warp, WarpOptions};
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::Sampler;
@@ -57,7 +58,7 @@ pub(super) struct Slab<'a, T> {
 
 impl<T: Fetch> Slab<'_, T> {
     pub fn draw(self, candidates: &Candidates<'_>) -> Tally {
-        pulp::Arch::new().dispatch(Draw { slab: self, candidates })
+        machine::run(Draw { slab: self, candidates })
     }
 }
 
@@ -66,11 +67,11 @@ struct Draw<'a, 'b, T> {
     candidates: &'b Candidates<'b>,
 }
 
-impl<T: Fetch> WithSimd for Draw<'_, '_, T> {
+impl<T: Fetch> Work for Draw<'_, '_, T> {
     type Output = Tally;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> Tally {
+    fn run<M: Machine>(self, machine: M) -> Tally {
         let Slab { warp, tets, input, options, first, layers, samples, written } = self.slab;
         let [nx, ny, _] = warp.dims;
         let outside = T::from_f64(options.outside);
@@ -78,25 +79,31 @@ impl<T: Fetch> WithSimd for Draw<'_, '_, T> {
         written.resize((nx * ny * layers).div_ceil(64), 0);
         let reader = Reader::new(input, options);
         let batch = Box::new(Batch::new());
-        let mut canvas = Canvas { nx, ny, first, samples, written, reader, batch, tally: Tally::default() };
+        let mut canvas = Canvas { machine, nx, ny, first, samples, written, reader, batch, tally: Tally::default() };
         let last = first + layers as i32 - 1;
         for &t in tets {
             let tet = &warp.tets[t as usize];
             let place = canvas.reader.place(tet);
-            for z in tet.lo[2].max(first)..=tet.hi[2].min(last) {
+            let near = touch::layers::<T>(tet, canvas.reader.channels()).filter(|_| place.is_some());
+            let from = tet.lo[2].max(first);
+            for z in from..=tet.hi[2].min(last) {
+                if let Some(near) = near.filter(|near| (z - from) % near == 0) {
+                    touch::touch(tet, &canvas.reader, z, (z + near - 1).min(tet.hi[2]).min(last));
+                }
                 match self.candidates.culling {
                     Culling::Exact => canvas.solve(tet, &place, z),
                     _ => self.candidates.runs(t as usize, z, |y, from, to| canvas.run(tet, None, [from, y, z], to)),
                 }
             }
         }
-        canvas.batch.flush(&canvas.reader, canvas.samples);
+        canvas.batch.flush(machine, &canvas.reader, canvas.samples);
         canvas.fill(nx * ny * layers, outside);
         canvas.tally
     }
 }
 
-struct Canvas<'a, T: Fetch> {
+struct Canvas<'a, T: Fetch, M> {
+    machine: M,
     nx: usize,
     ny: usize,
     first: i32,
@@ -107,7 +114,7 @@ struct Canvas<'a, T: Fetch> {
     tally: Tally,
 }
 
-impl<T: Fetch> Canvas<'_, T> {
+impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
     /// The voxels of layer `z`: for each row the interval where no barycentric coordinate is negative.
     #[inline(always)]
     fn solve(&mut self, tet: &Tet, place: &Option<Place>, z: i32) {
@@ -192,7 +199,8 @@ impl<T: Fetch> Canvas<'_, T> {
             self.run_in_parts(tet, voxel, start, count);
         } else if let Some((place, from)) = inside {
             self.tally.written += count as u64;
-            self.batch.push(&self.reader, place, from, start, count, self.samples);
+            let row = self.reader.row(place, from);
+            self.batch.push(self.machine, &self.reader, row, start, count, self.samples);
         } else {
             self.write(tet, voxel, start, count);
         }
@@ -257,7 +265,9 @@ impl<T: Fetch> Canvas<'_, T> {
         self.tally.beyond += missed as u64;
         if !inside.is_empty() {
             let (place, from) = self.reader.place_of(&line, inside.start, inside.end);
-            self.batch.push(&self.reader, &place, from, start + inside.start, inside.len(), self.samples);
+            let (row, start, count) = (self.reader.row(&place, from), start + inside.start, inside.len());
+            let Self { batch, reader, samples: out, machine, .. } = self;
+            machine.enter(Push { batch, reader, row, start, count, out });
         }
     }
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::WarpOptions;
+use super::machine::Row;
 use super::setup::Tet;
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
@@ -26,6 +27,8 @@ pub(super) struct Place {
     pub base: [f64; 3],
     /// The last sample along each axis, relative to the base.
     pub last: [f32; 3],
+    /// The last cell.
+    pub last_cell: [i32; 3],
     pub step: [f32; 3],
     /// Index of the sample there.
     pub first: i32,
@@ -33,11 +36,12 @@ pub(super) struct Place {
 
 impl Place {
     #[inline(always)]
-    fn new<T: Fetch>(lowest: DVec3, step: [f64; 3], reader: &Reader<'_, T>) -> Self {
+    pub fn new<T: Fetch>(lowest: DVec3, step: [f64; 3], reader: &Reader<'_, T>) -> Self {
         let base = lowest.max(DVec3::ZERO).min(reader.last).floor();
         let first = (0..3).map(|a| base[a] as i32 * reader.stride[a] as i32).sum();
         let last = (reader.last - base).as_vec3().to_array();
-        Self { base: base.to_array(), last, step: step.map(|s| s as f32), first }
+        let last_cell = last.map(|v| v as i32 - 1);
+        Self { base: base.to_array(), last, last_cell, step: step.map(|s| s as f32), first }
     }
 }
 
@@ -87,10 +91,20 @@ impl<'a, T: Fetch> Reader<'a, T> {
         self.stride[0]
     }
 
+    pub fn samples(&self) -> &'a [T] {
+        self.input.samples()
+    }
+
     /// Where a tetrahedron's rest positions are counted from, if rows in it may go by a batch.
     #[inline(always)]
     pub fn place(&self, tet: &Tet) -> Option<Place> {
         self.fast.then(|| Place::new(tet.rest_bounds[0], tet.rest.map(|r| r[0]), self))
+    }
+
+    /// A row that starts at `from`, relative to its place.
+    #[inline(always)]
+    pub fn row<'r>(&self, place: &'r Place, from: [f32; 3]) -> Row<'r> {
+        Row { place, from, stride: self.stride.map(|s| s as i32) }
     }
 
     /// Looks up the voxels of a row one by one, but for those that surely lie inside: returns which those are, and how many

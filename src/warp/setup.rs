@@ -29,6 +29,8 @@ pub struct Tet {
     pub hi: [i32; 3],
     /// Bounds of the rest corners, in voxels of the input.
     pub(crate) rest_bounds: [DVec3; 2],
+    /// Its volume at rest, in voxels of the input.
+    pub(super) rest_volume: f64,
     /// Determinant of the Jacobian of the deformation, world against world.
     pub jacobian: f64,
     /// The deformed corners, relative to the anchor.
@@ -88,6 +90,7 @@ impl Tet {
             lo: lo.ceil().to_array().map(|v| (v as i32).max(0)),
             hi: std::array::from_fn(|a| (hi[a].floor() as i32).min(dims[a] as i32 - 1)),
             rest_bounds: bounds(rest),
+            rest_volume: signed_volume(rest).abs(),
             jacobian,
             corners,
             slack: TOLERANCE.max(4.0 * f64::EPSILON * steepest * (hi - lo).length()),

@@ -9,7 +9,7 @@
 
 use glam::DVec3;
 
-use crate::math::{self, BLOCK};
+use crate::math::{self, BLOCK, lanes};
 use crate::volume::fetch::{Blend, Fetch, WHOLE};
 use crate::volume::sampling::Sampler;
 
@@ -167,7 +167,7 @@ impl<'a, T: Fetch> Window<'a, T> {
         scratch: &mut Scratch<T>,
         out: &mut [T],
     ) -> u64 {
-        pulp::Arch::new().dispatch(Linear { window: self, at, contained, counted, outside, scratch, out })
+        lanes::dispatch(Linear { window: self, at, contained, counted, outside, scratch, out })
     }
 
     /// The eight samples around each point, for one channel. `lowest` gives the index of the lowest of them.
@@ -325,7 +325,7 @@ fn blend<T: Fetch>(
     let mut row = [T::zeroed(); BLOCK];
     let [fx, fy, fz] = fraction;
     let mix = |a: T::Wide, b: T::Wide, t: f32| {
-        let mixed = T::Wide::blend(a, b, t);
+        let mixed = T::Wide::blend::<false>(a, b, t);
         if !T::SPECIAL {
             mixed
         } else if t == 0.0 {
@@ -361,12 +361,12 @@ pub(super) struct Rows<'a> {
 impl Rows<'_> {
     /// Writes the coordinates. Behind those that count stand others.
     pub fn fill(self, points: &mut [Points]) {
-        pulp::Arch::new().dispatch(Fill { rows: self, points });
+        lanes::dispatch(Fill { rows: self, points });
     }
 
     /// How many of the counted points were displaced by more than `threshold` along some axis.
     pub fn moved(self, points: &[Points], threshold: f32) -> u64 {
-        pulp::Arch::new().dispatch(Moved { rows: self, points, threshold })
+        lanes::dispatch(Moved { rows: self, points, threshold })
     }
 }
 

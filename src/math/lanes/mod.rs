@@ -280,6 +280,18 @@ pub trait Work {
     fn run<M: Machine>(self, machine: M) -> Self::Output;
 }
 
+/// Runs loops over arrays compiled for the processor's vectors of eight numbers, or for what every processor has. (The
+/// compiler makes worse of the same loops if it is given vectors of sixteen.)
+pub fn dispatch<W: pulp::WithSimd>(work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    return match pulp::x86::V3::try_new() {
+        Some(machine) => pulp::Simd::vectorize(machine, work),
+        None => work.with_simd(pulp::Scalar),
+    };
+    #[cfg(not(target_arch = "x86_64"))]
+    pulp::Arch::new().dispatch(work)
+}
+
 /// The best machine there is, found out once.
 #[derive(Debug, Clone, Copy)]
 pub struct Best {
