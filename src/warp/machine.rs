@@ -69,7 +69,7 @@ struct Eight<M>(M);
 /// The body of [`Machine::cells`] on eight lanes. A voxel an edge's slack outside is drawn as if it lay on the edge.
 #[inline(always)]
 fn eight<M: lanes::Machine>(m: M, row: Row<'_>, number: usize, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-    use lanes::{F8, I8, LANES};
+    use lanes::{I8, LANES};
     let k = I8::load(m, [0, 1, 2, 3, 4, 5, 6, 7]) + I8::splat(m, number as i32);
     let k = k.to_float();
     let mut sum = I8::splat(m, row.place.first);
