@@ -5,6 +5,7 @@
 
 CARGO ?= cargo
 OUT ?= out/demo
+VOXCLAY := $(or $(CARGO_TARGET_DIR),target)/release/voxclay
 
 # name of the Debian package, and a file that shows that it is there
 VULKAN_LOADER := $(firstword $(wildcard /usr/lib/*/libvulkan.so.1 /usr/lib64/libvulkan.so.1 /usr/lib/libvulkan.so.1))
@@ -19,10 +20,10 @@ WINDOW_PACKAGES := libxkbcommon-x11-0 libx11-xcb1 libxcursor1 libxi6 libxrandr2 
 run: setup
 	$(CARGO) build --release --locked
 ifeq ($(shell uname -s),Linux)
-	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ]; then $(MAKE) --no-print-directory window && { ./target/release/voxclay app || echo "If there is no window to be had here: ./target/release/voxclay demo -o $(OUT)"; }; \
-	else echo "There is no display here, so the demo runs instead."; ./target/release/voxclay demo -o $(OUT); fi
+	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ]; then $(MAKE) --no-print-directory window && { $(VOXCLAY) app || echo "If there is no window to be had here: $(VOXCLAY) demo -o $(OUT)"; }; \
+	else echo "There is no display here, so the demo runs instead."; $(VOXCLAY) demo -o $(OUT); fi
 else
-	./target/release/voxclay app
+	$(VOXCLAY) app
 endif
 
 test: setup
@@ -36,7 +37,7 @@ bench: setup
 
 session: setup
 	$(CARGO) build --release --locked
-	tests/session.sh
+	VOXCLAY=$(VOXCLAY) tests/session.sh
 
 setup: rust system
 

@@ -1,4 +1,6 @@
-//! Latency of a stroke in the modeller: a 256^3 head in its hull, ten displacement volumes on it, one more being pulled.
+//! Latency of a stroke in the modeller: a 256^3 head in a mesh, ten displacement volumes on it, one more being pulled.
+//!
+//! The mesh is a bumpy sphere of 5120 triangles; with `hull` as an argument it is the head's own hull.
 //!
 //! Prints medians, 95th percentiles and the worst of each kind of step, in milliseconds. `stroke event` is the work of one
 //! moved event on the window's thread, `interface pass` a whole pass of the window, `slices` and `picture, moving` the
@@ -6,6 +8,7 @@
 //! the last moved event. Then the same with the smooth surface.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -18,6 +21,8 @@ use voxclay::app::trace::Trace;
 use voxclay::app::{Modeller, Start};
 use voxclay::deform::{Deformation, Deformer, DisplacementVolume};
 use voxclay::evaluate::picture::{Backend, Mode};
+use voxclay::io::write_surface;
+use voxclay::mesh::primitives;
 use voxclay::scene::{Edit, ProxySource};
 
 /// The system's allocator, which notes what is asked for while it is told to.
@@ -153,6 +158,18 @@ fn print(h: &Window, name: &str, pull: &Pull) {
     }
 }
 
+/// A mesh with dents and bumps around what the window shows.
+fn bumpy(m: &Modeller, folder: &Path) -> Option<ProxySource> {
+    let (center, radius) = m.desk.as_ref()?.data.focus;
+    let mut mesh = primitives::bumpy_sphere(16);
+    let reach = mesh.positions.iter().map(|p| p.length()).fold(0.0, f64::max);
+    mesh.positions.iter_mut().for_each(|p| *p = center + *p * (radius / reach));
+    std::fs::create_dir_all(folder).ok()?;
+    let file = folder.join("bumpy.obj");
+    write_surface(&file, &mesh).ok()?;
+    Some(ProxySource::Mesh(file))
+}
+
 fn main() {
     let home = std::env::temp_dir().join(format!("voxclay-bench-{}", std::process::id()));
     let start = Start { files: vec!["phantom:head:256".to_owned()], backend: Backend::Auto, home: Home::at(&home) };
@@ -163,8 +180,10 @@ fn main() {
         None,
     );
     until(&mut h, &|m| m.desk.as_ref().is_some_and(|d| d.object.is_some()));
+    let hull = std::env::args().any(|a| a == "hull");
     if let Some(m) = h.state_mut() {
-        m.edit(Edit::SetProxy(ProxySource::Auto { iso: None }));
+        let source = if hull { Some(ProxySource::Auto { iso: None }) } else { bumpy(m, &home) };
+        m.edit(Edit::SetProxy(source.unwrap_or_default()));
         let (center, radius) = m.desk.as_ref().map_or((DVec3::ZERO, 1.0), |d| d.data.focus);
         let items = (0..10)
             .filter_map(|i| {
@@ -186,7 +205,7 @@ fn main() {
     });
     let triangles = h.state().as_ref().and_then(|m| Some(m.desk.as_ref()?.object.as_ref()?.1.mesh.triangles.len()));
     let at = h.get_by_label("Main view").rect().center() + Vec2::new(0.0, 40.0);
-    println!("head 256^3, hull of {} triangles, 10 displacement volumes", triangles.unwrap_or(0));
+    println!("head 256^3, mesh of {} triangles, 10 displacement volumes", triangles.unwrap_or(0));
     let slices = pull(&mut h, at);
     print(&h, "slices", &slices);
     if let Some(m) = h.state_mut() {

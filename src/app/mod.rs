@@ -19,6 +19,7 @@ mod desk;
 mod fonts;
 mod gizmo;
 mod grips;
+mod guard;
 mod heat;
 mod keys;
 mod mailbox;

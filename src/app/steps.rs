@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use eframe::egui;
 
+use super::guard::guarded;
 use super::mailbox::Mailbox;
 use super::modeller::Modeller;
 use super::state::Doing;
@@ -141,9 +142,7 @@ fn read(shared: &Shared, wish: &Wish, step: usize) -> Result<Arc<Data>, String> 
         return Ok(data);
     }
     let read = || Data::at_step(&wish.basis, step).map_err(|e| e.to_string());
-    // a panic here is our bug, and must not end the thread
-    let data = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read))
-        .unwrap_or_else(|_| Err(format!("something went wrong inside while step {step} was read")))?;
+    let data = guarded(read).map_err(|what| format!("step {step} could not be read: {what}"))??;
     let data = Arc::new(data);
     shared.kept().put(data.clone(), BUDGET);
     Ok(data)

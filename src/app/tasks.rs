@@ -10,6 +10,7 @@ use std::time::Instant;
 use eframe::egui;
 
 use super::desk::file_name;
+use super::guard::guarded;
 use super::turntable::{self, Turntable};
 use crate::evaluate::certificate::{self, Certificate, Subject, TetField};
 use crate::evaluate::export::{ExportError, ExportOptions, Precision, stored_outside};
@@ -121,13 +122,10 @@ impl Task {
         let (send, outcome) = channel();
         let watch = Watch { state: state.clone(), ctx: ctx.clone() };
         let spawned = std::thread::Builder::new().name("task".to_owned()).spawn(move || {
-            // a panic here is our bug, and must not take the document with it
-            let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work(&watch)));
-            let outcome = match done {
+            let outcome = match guarded(|| work(&watch)) {
                 Ok(Ok(outcome)) => outcome,
                 Ok(Err(_)) if watch.state.cancelled.load(Ordering::Relaxed) => Outcome::Nothing,
-                Ok(Err(what)) => Outcome::Failed(what),
-                Err(_) => Outcome::Failed("something went wrong inside; the document is as it was".to_owned()),
+                Ok(Err(what)) | Err(what) => Outcome::Failed(what),
             };
             let _ = send.send(outcome);
             watch.ctx.request_repaint();

@@ -13,6 +13,7 @@ use std::time::Instant;
 use eframe::egui::{self, ColorImage};
 use glam::DVec3;
 
+use super::guard::guarded;
 use super::mailbox::Mailbox;
 use super::pace::Pace;
 use super::shown::{OtherShown, Sections, Shown, against, image, tessellation};
@@ -216,8 +217,7 @@ impl Painter {
 
     /// Does some work. When it fails, says so and is ready for other work.
     fn guarded(&mut self, work: impl FnOnce(&mut Self) -> Result<(), EvaluateError>) {
-        // a panic here is our bug, and must not leave the window without pictures
-        match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work(self))) {
+        match guarded(|| work(self)) {
             Ok(Ok(())) => {}
             Ok(Err(e)) => {
                 self.say(News::Failed(e.to_string()));
@@ -227,11 +227,12 @@ impl Painter {
                     self.backend = Backend::Cpu;
                 }
             }
-            Err(_) => {
-                self.say(News::Failed("something went wrong inside; the document is as it was".to_owned()));
-                // nothing half made is kept
-                (self.renderer, self.known, self.warped, self.lattice) = (None, None, None, None);
-                (self.full, self.smaller, self.surface) = (None, None, SmoothLook::default());
+            Err(what) => {
+                self.say(News::Failed(what));
+                // nothing half made is kept, but what pictures take stays known
+                let new = Self::new(self.shared.clone(), self.send.clone(), self.ctx.clone(), self.backend);
+                let old = std::mem::replace(self, new);
+                (self.pace, self.surfaces) = (old.pace, old.surfaces);
             }
         }
     }

@@ -73,14 +73,12 @@ fn eight<M: lanes::Machine>(m: M, row: Row<'_>, number: usize, at: &mut [i32], f
     let k = I8::load(m, [0, 1, 2, 3, 4, 5, 6, 7]) + I8::splat(m, number as i32);
     let k = k.to_float();
     let mut sum = I8::splat(m, row.place.first);
-    let mut axis = 0;
-    for out in fraction {
+    for (axis, out) in fraction.into_iter().enumerate() {
         let v = k.times_plus(row.place.step[axis], row.from[axis]).clamp(0.0, row.place.last[axis]);
         // the last sample is the end of the last cell
         let cell = v.min(row.place.last[axis] - 1.0).truncate();
         (v - cell.to_float()).put(&mut out[..LANES], 0);
         sum = sum + cell * I8::splat(m, row.stride[axis]);
-        axis += 1;
     }
     at[..LANES].copy_from_slice(&sum.lanes());
 }
@@ -138,8 +136,7 @@ impl Machine for Sixteen {
         let k = m._mm512_add_epi32(bytemuck::cast(COUNT), m._mm512_set1_epi32(number as i32));
         let k = m._mm512_cvtepi32_ps(k);
         let mut sum = m._mm512_set1_epi32(row.place.first);
-        let mut axis = 0;
-        for out in fraction {
+        for (axis, out) in fraction.into_iter().enumerate() {
             let (step, from) = (m._mm512_set1_ps(row.place.step[axis]), m._mm512_set1_ps(row.from[axis]));
             let last = m._mm512_set1_ps(row.place.last[axis]);
             let v = m._mm512_fmadd_ps(k, step, from);
@@ -149,7 +146,6 @@ impl Machine for Sixteen {
             let part: [f32; 16] = bytemuck::cast(m._mm512_sub_ps(v, m._mm512_cvtepi32_ps(cell)));
             out[..16].copy_from_slice(&part);
             sum = m._mm512_add_epi32(sum, m._mm512_mullo_epi32(cell, m._mm512_set1_epi32(row.stride[axis])));
-            axis += 1;
         }
         at[..16].copy_from_slice(&bytemuck::cast::<_, [i32; 16]>(sum));
     }
