@@ -133,10 +133,12 @@ fn pull(h: &mut Window, at: egui::Pos2) -> Pull {
 
 fn print(h: &Window, name: &str, pull: &Pull) {
     let Pull { bytes, largest, coarse } = pull;
+    println!("\n{name}");
     if let (Some(few), Some(many)) = (coarse.iter().map(|c| c.0).min(), coarse.iter().map(|c| c.0).max()) {
         let scales = || coarse.iter().map(|c| c.1);
         let (small, large) = (scales().fold(1.0, f32::min), scales().fold(0.0, f32::max));
-        println!("\n{name}: coarse pictures of {few} to {many} slices, {small:.2} to {large:.2} of the resolution");
+        let slices = if many > 0 { format!("{few} to {many} slices, ") } else { String::new() };
+        println!("coarse pictures of {slices}{small:.2} to {large:.2} of the resolution");
     }
     println!("{:<18} {:>8} {:>8} {:>8} {:>6}", "ms", "median", "95 %", "worst", "count");
     let Some(m) = h.state() else { return };
