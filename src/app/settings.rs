@@ -41,7 +41,7 @@ impl Default for Settings {
             theme: ThemeChoice::Dark,
             zoom: 1.0,
             orbit: Orbit::Turntable,
-            preview_ms: 33.0,
+            preview_ms: 25.0,
             autosave_seconds: 2.0,
             undo_megabytes: 64,
             recent: Vec::new(),

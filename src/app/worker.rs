@@ -254,12 +254,12 @@ impl Painter {
         let factor = if want.other.is_some() { 0.5 } else { 1.0 };
         let budget = f64::from(want.budget) * factor;
         let smooth = want.mode == Mode::Spline && self.surface_is_ready(&object);
+        let few = self.pace.slices(slices(0.5), budget);
         let coarse = if smooth {
             self.surfaces.coarse(want.size, 1.0, budget)
         } else {
-            self.pace.coarse(want.size, slices(0.5), budget)
+            self.pace.coarse(want.size, few, budget)
         };
-        let few = self.pace.slices(slices(coarse), budget);
         // an overlay alone needs no new picture: a coarse one would only flicker
         let seen = self.full.as_ref().is_some_and(|full| full.same_picture(want));
         if !seen {
