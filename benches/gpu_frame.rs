@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec3, Mat4, Vec2, Vec3};
-use voxclay::gpu::cull::{Culled, Visibility, cull};
+use voxclay::gpu::cull::{Culled, cull};
 use voxclay::gpu::{Gpu, Preference, Renderer};
 use voxclay::math::Identity;
 use voxclay::render::{Camera, ClassTable, Field, Frame, Look, Projection, SliceGeometry, SliceVertex};
@@ -159,8 +159,7 @@ fn against_quads(renderer: &mut Renderer, field: &Field, table: &ClassTable, loo
     let camera = camera(field, 30.0);
     let geometry = Arc::new(box_slices(&field.grid, &camera, &Identity, 1.0, 0));
     let frame = Frame::new(&camera, look, field, [0.0, 255.0], &geometry, SIDE, SIDE);
-    let visibility = Visibility::new(field, table, &frame).expect("a mode that culls");
-    let culled = cull(&geometry, visibility, &frame, field);
+    let culled = cull(&geometry, field, table, &frame).expect("a mode that culls");
     let count = fragments(&geometry, &culled, &frame);
     let quads = Arc::new(quads(count, &geometry, &frame));
     let mut times = [Vec::new(), Vec::new()];

@@ -3,7 +3,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::cull::{Visibility, cull};
+use super::cull::cull;
 use super::deform::MapBuffers;
 use super::layout::ObjectUniform;
 use super::opaque::OpaquePass;
@@ -268,9 +268,8 @@ impl Renderer {
         let culled_for = Some(CulledFor { window, clip_from_local, size: [width, height, mode] });
         if slices.culled_for != culled_for {
             // the texture coordinates of the corners say nothing of the fragments' where the map is evaluated at each
-            let visibility =
-                if self.culling && self.exact.is_none() { Visibility::new(&object.field, table, frame) } else { None };
-            let culled = visibility.map(|v| cull(&slices.source, v, frame, &object.field));
+            let culling = self.culling && self.exact.is_none();
+            let culled = if culling { cull(&slices.source, &object.field, table, frame) } else { None };
             self.geometry.upload(&self.gpu, &slices.source, culled.as_ref())?;
             slices.culled_for = culled_for;
         }

@@ -1,5 +1,5 @@
-//! L0: spaces, oriented boxes, B-splines, turns and winding. Everything is `f64`, but for the blocks ([`Block`]) and vectors ([`lanes`]) of
-//! hot loops, which may be `f32`.
+//! L0: spaces, oriented boxes, B-splines, turns, winding and rows. Everything is `f64`, but for the blocks ([`Block`]) and
+//! vectors ([`lanes`]) of hot loops, which may be `f32`.
 
 mod backward;
 mod block;
@@ -10,6 +10,7 @@ pub mod parallel;
 mod plane;
 pub mod prefetch;
 mod real;
+pub mod rows;
 pub mod turn;
 pub mod winding;
 

@@ -17,6 +17,7 @@
 use glam::DVec2;
 
 use super::{Method, Outlines, Run, Worker};
+use crate::math::rows::Rows;
 
 /// The triangles of one plane, and the buffers for the next.
 #[derive(Debug, Default)]
@@ -134,7 +135,7 @@ impl Squares {
             self.reach.clear();
             self.reach.resize(down, [f64::INFINITY, f64::NEG_INFINITY]);
             for [a, b] in sides(polygon) {
-                self.window.rows(a / self.step, b / self.step, |row, lo, hi| {
+                self.window.rows().passed(a / self.step, b / self.step, |row, lo, hi| {
                     let reach = &mut self.reach[row];
                     *reach = [reach[0].min(lo), reach[1].max(hi)];
                 });
@@ -149,7 +150,7 @@ impl Squares {
             for [a, b] in sides(&self.points[l[0] as usize..l[1] as usize]) {
                 let (a, b) = (a / self.step, b / self.step);
                 let turn = if b.y > a.y { -1 } else { 1 };
-                self.window.rows(a, b, |row, lo, hi| {
+                self.window.rows().passed(a, b, |row, lo, hi| {
                     let columns = self.window.columns(lo, hi);
                     self.states[row * across..][columns].iter_mut().for_each(|s| *s |= CROSSED);
                     let middle = f64::from(self.window.first[1]) + row as f64 + 0.5;
@@ -267,26 +268,9 @@ impl Squares {
 }
 
 impl Window {
-    /// Rows that a side, in units of squares, passes: with its least and largest place along each.
-    fn rows(&self, a: DVec2, b: DVec2, mut visit: impl FnMut(usize, f64, f64)) {
-        let (low, high) = if a.y <= b.y { (a, b) } else { (b, a) };
-        let bottom = f64::from(self.first[1]);
-        let top = bottom + self.size[1] as f64;
-        if !(high.y + HAIR >= bottom && low.y - HAIR <= top) {
-            return;
-        }
-        // both are positive, so that the cast rounds down
-        let from = (low.y - HAIR - bottom).max(0.0) as usize;
-        let to = (high.y + HAIR - bottom) as usize;
-        let rise = high.y - low.y;
-        let slope = (high.x - low.x) / rise;
-        let (left, right) = (low.x.min(high.x), low.x.max(high.x));
-        let at = |y: f64| (low.x + slope * (y - low.y)).max(left).min(right);
-        for row in from..=to.min(self.size[1] - 1) {
-            let y = bottom + row as f64;
-            let (x0, x1) = if slope.is_finite() { (at(y - HAIR), at(y + 1.0 + HAIR)) } else { (a.x, b.x) };
-            visit(row, x0.min(x1), x0.max(x1));
-        }
+    /// Its rows; places are in units of squares.
+    fn rows(&self) -> Rows {
+        Rows { bottom: self.first[1].into(), count: self.size[1], hair: HAIR }
     }
 
     /// The columns between two places.

@@ -5,6 +5,7 @@ use glam::DVec2;
 use super::plane::{Plane, View};
 use super::rectangles::{COLUMNS, Cost, Rectangle, columns, cover};
 use super::visibility::Visibility;
+use crate::math::rows::Rows;
 use crate::render::SliceVertex;
 use crate::volume::pyramid::BLOCK;
 
@@ -35,8 +36,8 @@ pub fn draw(view: &View, visibility: &Visibility<'_>, plane: &Plane, triangles: 
     let mut drawn = Drawn::default();
     let Some(cells) = Cells::around(view, plane, triangles) else { return Some(drawn) };
     let grid = |polygons: &mut dyn Iterator<Item = &[DVec2]>| {
-        let mut rows = vec![0; cells.rows];
-        polygons.for_each(|p| cells.mark(p, &mut rows));
+        let (mut rows, mut reach) = (vec![0; cells.rows], Vec::new());
+        polygons.for_each(|p| cells.mark(p, &mut reach, &mut rows));
         rows
     };
     let covered = grid(&mut triangles.iter().map(|t| &t[..]));
@@ -110,40 +111,20 @@ impl Cells {
         [0, 1].map(|i| ((DVec2::new(r.x[i] as f64, r.y[i] as f64) + self.first) * self.side).min(view.size))
     }
 
-    /// Marks all cells that a convex polygon, or an edge, touches.
-    fn mark(&self, polygon: &[DVec2], rows: &mut [u64]) {
-        let local = |p: DVec2| p / self.side - self.first;
+    /// Marks all cells that a convex polygon, or an edge, touches. `reach` is room for a place and another in each row.
+    fn mark(&self, polygon: &[DVec2], reach: &mut Vec<[f64; 2]>, rows: &mut [u64]) {
         let hair = HAIR / self.side;
-        let n = polygon.len();
-        let (lo, hi) = polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| {
-            let y = local(*p).y;
-            (lo.min(y), hi.max(y))
-        });
-        let end = ((hi + hair).floor().max(-1.0) + 1.0).min(self.rows as f64) as usize;
-        for (y, row) in rows.iter_mut().enumerate().take(end).skip((lo - hair).max(0.0) as usize) {
-            let (top, bottom) = (y as f64 - hair, y as f64 + 1.0 + hair);
-            let mut x = [f64::INFINITY, f64::NEG_INFINITY];
-            for i in 0..n {
-                let (a, b) = (local(polygon[i]), local(polygon[(i + 1) % n]));
-                let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
-                if b.y < top || a.y > bottom {
-                    continue;
-                }
-                let at = |y: f64| {
-                    if y <= a.y {
-                        a.x
-                    } else if y >= b.y {
-                        b.x
-                    } else {
-                        a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y))
-                    }
-                };
-                // at the ends of what lies in the band
-                for v in [at(top), at(bottom)] {
-                    x = [x[0].min(v), x[1].max(v)];
-                }
-            }
-            let [first, last] = [x[0] - hair, x[1] + hair];
+        let local = |i: usize| polygon[i % polygon.len()] / self.side - self.first;
+        reach.clear();
+        reach.resize(self.rows, [f64::INFINITY, f64::NEG_INFINITY]);
+        for i in 0..polygon.len() {
+            Rows { bottom: 0.0, count: self.rows, hair }.passed(local(i), local(i + 1), |row, lo, hi| {
+                let reach = &mut reach[row];
+                *reach = [reach[0].min(lo), reach[1].max(hi)];
+            });
+        }
+        for (row, [lo, hi]) in rows.iter_mut().zip(reach) {
+            let [first, last] = [*lo - hair, *hi + hair];
             if first < self.columns as f64 && last >= 0.0 && first <= last {
                 let end = (last as usize + 1).min(self.columns);
                 *row |= columns([first.max(0.0) as usize, end]);

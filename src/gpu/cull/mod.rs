@@ -27,11 +27,10 @@ mod visibility;
 
 use rayon::prelude::*;
 
-use crate::render::{Field, Frame, SliceGeometry, SliceVertex};
+use crate::render::{ClassTable, Field, Frame, SliceGeometry, SliceVertex};
 use plane::{Plane, View};
 use split::Splitter;
-
-pub use visibility::Visibility;
+use visibility::Visibility;
 
 /// Triangles that can be seen: corners to append to the geometry's own, and all indices with the range of each slice.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -41,8 +40,9 @@ pub struct Culled {
     pub slices: Vec<std::ops::Range<u32>>,
 }
 
-/// The triangles of the geometry that can be seen, slices in parallel.
-pub fn cull(geometry: &SliceGeometry, visibility: Visibility<'_>, frame: &Frame, field: &Field) -> Culled {
+/// The triangles of the geometry that can be seen, slices in parallel. `None` where everything drawn counts, as with the maximum.
+pub fn cull(geometry: &SliceGeometry, field: &Field, table: &ClassTable, frame: &Frame) -> Option<Culled> {
+    let visibility = Visibility::new(field, table, frame)?;
     let given = geometry.vertices.len() as u32;
     let view = View::new(frame, field);
     let parts: Vec<(Vec<SliceVertex>, Vec<u32>)> = geometry
@@ -65,7 +65,7 @@ pub fn cull(geometry: &SliceGeometry, visibility: Visibility<'_>, frame: &Frame,
         culled.slices.push(start..culled.indices.len() as u32);
         culled.added.extend(added);
     }
-    culled
+    Some(culled)
 }
 
 /// Emits what can be seen of the triangles that nothing displaces, and returns the others.
@@ -96,7 +96,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::render::{Camera, ClassTable, Look, Projection, Shading};
+    use crate::render::{Camera, Look, Projection, Shading};
     use crate::volume::transfer::{ControlPoint, TransferFunction, Window};
     use crate::volume::{Grid, Samples, Volume};
 
@@ -168,7 +168,7 @@ mod tests {
     /// What is left of slices, and the front coordinate of each of its vertices.
     fn culled(g: &SliceGeometry, field: &Field, table: &ClassTable, shading: Shading) -> (Culled, Vec<[f32; 3]>) {
         let frame = frame(field, g, shading);
-        let culled = cull(g, Visibility::new(field, table, &frame).unwrap(), &frame, field);
+        let culled = cull(g, field, table, &frame).unwrap();
         let fronts = g.vertices.iter().chain(&culled.added).map(|v| v.front).collect();
         (culled, fronts)
     }
@@ -218,7 +218,7 @@ mod tests {
         for g in [true, false].map(slices) {
             let left = culled(&g, &field, &table, Shading::Volume).0;
             assert_eq!(left, Culled { added: Vec::new(), indices: g.indices.clone(), slices: g.slices.clone() });
-            assert!(Visibility::new(&field, &table, &frame(&field, &g, Shading::Mip)).is_none());
+            assert!(cull(&g, &field, &table, &frame(&field, &g, Shading::Mip)).is_none());
         }
     }
 
