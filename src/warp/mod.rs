@@ -21,8 +21,9 @@
 //! [`Warp::new`] prepares the tetrahedra in `f64` for one output grid; [`Warp::run`] writes the samples. The output is worked
 //! off in slabs of layers, in parallel and without locks, as each slab owns its voxels; a bit for each says whether it was
 //! written. Within a slab the tetrahedra come in the order of their numbers, so the result depends neither on the number of
-//! threads nor on timing. Linear look-ups of rows that stay inside the input are vector code, chosen at run time
-//! (`batch.rs`); all others go through [`Sampler`], the `f64` reference.
+//! threads nor on timing. Linear look-ups of rows that stay inside the input are vector code (`batch.rs`), chosen
+//! at run time (`machine.rs`), and what they read is asked for beforehand (`touch.rs`); all others go through [`Sampler`], the
+//! `f64` reference.
 
 mod batch;
 pub mod cells;
