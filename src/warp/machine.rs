@@ -141,8 +141,8 @@ impl Machine for Sixteen {
             let last = m._mm512_set1_ps(row.place.last[axis]);
             let v = m._mm512_fmadd_ps(k, step, from);
             let v = m._mm512_min_ps(m._mm512_max_ps(v, m._mm512_set1_ps(0.0)), last);
-            let end = m._mm512_set1_epi32(row.place.last_cell[axis]);
-            let cell = m._mm512_min_epi32(m._mm512_cvttps_epi32(v), end);
+            let end = m._mm512_set1_ps(row.place.last[axis] - 1.0);
+            let cell = m._mm512_cvttps_epi32(m._mm512_min_ps(v, end));
             let part: [f32; 16] = bytemuck::cast(m._mm512_sub_ps(v, m._mm512_cvtepi32_ps(cell)));
             out[..16].copy_from_slice(&part);
             sum = m._mm512_add_epi32(sum, m._mm512_mullo_epi32(cell, m._mm512_set1_epi32(row.stride[axis])));

@@ -27,8 +27,6 @@ pub(super) struct Place {
     pub base: [f64; 3],
     /// The last sample along each axis, relative to the base.
     pub last: [f32; 3],
-    /// The last cell.
-    pub last_cell: [i32; 3],
     pub step: [f32; 3],
     /// Index of the sample there.
     pub first: i32,
@@ -40,8 +38,7 @@ impl Place {
         let base = lowest.max(DVec3::ZERO).min(reader.last).floor();
         let first = (0..3).map(|a| base[a] as i32 * reader.stride[a] as i32).sum();
         let last = (reader.last - base).as_vec3().to_array();
-        let last_cell = last.map(|v| v as i32 - 1);
-        Self { base: base.to_array(), last, last_cell, step: step.map(|s| s as f32), first }
+        Self { base: base.to_array(), last, step: step.map(|s| s as f32), first }
     }
 }
 
