@@ -4,13 +4,26 @@
 //! seconds of build time. Here the loop is compiled once and calls its body through a reference, which costs nothing where
 //! a piece is a row, a layer or a block.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use rayon::prelude::*;
-
-/// Calls `work` once for each index below `count`.
+/// Calls `work` once for each index below `count`. Each thread takes the next one when it is done with one: pieces may cost
+/// very different time, and rayon's halves of halves would leave threads without work at the end.
 pub fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
-    (0..count).into_par_iter().for_each(work);
+    let next = AtomicUsize::new(0);
+    rayon::scope(|scope| {
+        for _ in 0..count.min(rayon::current_num_threads()) {
+            scope.spawn(|_| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= count {
+                        break;
+                    }
+                    work(index);
+                }
+            });
+        }
+    });
 }
 
 /// The results of `work` for each index below `count`, in order.

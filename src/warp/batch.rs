@@ -1,14 +1,16 @@
 //! Trilinear look-ups of many short rows at a time.
 //!
 //! A row in a tetrahedron has some ten voxels, fewer than two vectors, and one look-up is a long chain: coordinates, cell,
-//! eight samples, seven blends. So rows are collected until there are some hundreds of voxels, and then worked off in three
-//! passes over small arrays (cells and fractions, samples, blends), each with many independent short chains and full
+//! eight samples, seven blends. So rows are collected until there are some hundreds of voxels, and then worked off in passes
+//! over small arrays (cells and fractions, samples, blends, output), each with many independent short chains and full
 //! vectors. Only the samples go voxel by voxel, two neighbours at a time.
+
+use std::ops::Range;
 
 use glam::DVec3;
 
-use super::machine::{Machine, Row, WIDEST, Work};
-use super::row::Reader;
+use super::machine::{Machine, WIDEST, Work};
+use super::row::{Place, Reader};
 use crate::math::prefetch;
 use crate::volume::fetch::{Blend, Fetch};
 
@@ -18,8 +20,35 @@ const FULL: usize = 512;
 /// Room for a batch and what the last vector writes behind it.
 const ROOM: usize = FULL + WIDEST;
 
+/// Most rows that wait.
+const ROWS: usize = 128;
+
+/// Most voxels of a row that waits.
+pub(super) const LONGEST: usize = 64;
+
+/// Voxels whose samples are fetched without asking whether there are more.
+const UNROLL: usize = 8;
+
+/// A row of voxels that lie in the input, from the output's voxel `start` on.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Row {
+    pub place: Place,
+    /// Where voxel 0 of the row lies, relative to the place.
+    pub from: [f32; 3],
+    /// The number of its first voxel to look up.
+    pub number: f32,
+    pub start: usize,
+    pub count: u32,
+}
+
 /// Rows that wait to be looked up.
 pub(super) struct Batch<T: Fetch> {
+    rows: [Row; ROWS],
+    /// How many rows wait, and how many voxels they have.
+    count: usize,
+    voxels: usize,
+    /// Voxels looked up so far.
+    pub done: u64,
     /// Index of the lowest of the eight samples of each voxel.
     at: [i32; ROOM],
     /// Where in its cell each voxel lies.
@@ -27,73 +56,84 @@ pub(super) struct Batch<T: Fetch> {
     /// Neighbours along x, for each of the four lines through a cell.
     pairs: [[T::Pair; ROOM]; 4],
     value: [T; ROOM],
-    voxels: usize,
-    /// Voxel of the output where each row starts, and how many voxels it has.
-    rows: Vec<(usize, usize)>,
 }
 
 impl<T: Fetch> Batch<T> {
     pub fn new() -> Self {
         Self {
+            rows: [Row::default(); ROWS],
+            count: 0,
+            voxels: 0,
+            done: 0,
             at: [0; ROOM],
             fraction: [[0.0; ROOM]; 3],
             pairs: [[T::Pair::default(); ROOM]; 4],
             value: [T::zeroed(); ROOM],
-            voxels: 0,
-            rows: Vec::with_capacity(FULL),
         }
     }
 
-    /// Adds a row whose voxels lie in the input, and looks up what waits if there is no room for it. The row starts at voxel
-    /// `start` of the output.
+    /// Adds a row whose voxels lie in the input, at most [`LONGEST`], and looks up what waits if there is no room for it.
     #[inline(always)]
-    pub fn push<M: Machine>(
+    pub fn push<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>, row: Row, out: &mut [T]) {
+        if self.voxels + row.count as usize > FULL || self.count == ROWS {
+            self.flush(machine, reader, out);
+        }
+        // it is written when the batch is full
+        let channels = reader.channels();
+        let (mut line, end) = (row.start * channels, (row.start + row.count as usize) * channels - 1);
+        prefetch::write(out, line);
+        prefetch::write(out, end);
+        let step = prefetch::LINE / size_of::<T>();
+        while line + step < end {
+            line += step;
+            prefetch::write(out, line);
+        }
+        self.rows[self.count] = row;
+        self.count += 1;
+        self.voxels += row.count as usize;
+    }
+
+    /// The same for a row of any length.
+    pub fn push_long<M: Machine>(
         &mut self,
         machine: M,
         reader: &Reader<'_, T>,
-        row: Row<'_>,
-        start: usize,
-        count: usize,
+        (place, from): (Place, [f32; 3]),
+        voxels: Range<usize>,
         out: &mut [T],
     ) {
-        let mut done = 0;
-        loop {
-            let part = (count - done).min(FULL);
-            if self.voxels + part > FULL {
-                self.flush(machine, reader, out);
-            }
-            self.rows.push((start + done, part));
-            // it is written when the batch is full
-            let (mut line, end) = ((start + done) * reader.channels(), (start + done + part) * reader.channels() - 1);
-            while line < end {
-                prefetch::write(out, line);
-                line += prefetch::LINE / size_of::<T>();
-            }
-            prefetch::write(out, end);
-            let first = self.voxels;
-            let [fx, fy, fz] = &mut self.fraction;
-            let mut l = 0;
-            while l < part {
-                let to = first + l..first + l + M::LANES;
-                let fraction = [&mut fx[to.clone()], &mut fy[to.clone()], &mut fz[to.clone()]];
-                machine.cells(row, done + l, &mut self.at[to], fraction);
-                l += M::LANES;
-            }
-            self.voxels += part;
-            done += part;
-            if done == count {
-                return;
-            }
+        for start in voxels.clone().step_by(LONGEST) {
+            let number = (start - voxels.start) as f32;
+            let count = (voxels.end - start).min(LONGEST) as u32;
+            self.push(machine, reader, Row { place, from, number, start, count }, out);
         }
     }
 
     /// Looks up what waits.
+    #[inline(always)]
     pub fn flush<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>, out: &mut [T]) {
-        if self.voxels > 0 {
-            machine.enter(Flush { batch: self, reader, out });
-        }
+        machine.enter(Flush { batch: self, reader, out });
+        self.done += self.voxels as u64;
         self.voxels = 0;
-        self.rows.clear();
+        self.count = 0;
+    }
+
+    /// Cells and fractions.
+    #[inline(always)]
+    fn cells<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>) {
+        let stride = reader.stride.map(|s| s as i32);
+        let [fx, fy, fz] = &mut self.fraction;
+        let mut first = 0;
+        for row in &self.rows[..self.count] {
+            let mut l = 0;
+            while l < row.count as usize {
+                let to = first + l..first + l + M::LANES;
+                let fraction = [&mut fx[to.clone()], &mut fy[to.clone()], &mut fz[to.clone()]];
+                machine.cells(row, stride, row.number + l as f32, &mut self.at[to], fraction);
+                l += M::LANES;
+            }
+            first += row.count as usize;
+        }
     }
 
     #[inline(always)]
@@ -102,19 +142,25 @@ impl<T: Fetch> Batch<T> {
         // all of one length, so that one comparison does for four look-ups
         let length = reader.lines[3].len();
         let [a, b, c, d] = reader.lines.map(|line| &line[..length]);
-        let [pa, pb, pc, pd] = &mut self.pairs;
-        let pairs = pa.iter_mut().zip(pb).zip(pc).zip(pd).zip(&self.at).take(self.voxels);
+        let vectors = self.voxels.div_ceil(UNROLL);
+        let [pa, pb, pc, pd] = self.pairs.each_mut().map(|p| p.as_chunks_mut::<UNROLL>().0);
+        let pairs = pa.iter_mut().zip(pb).zip(pc).zip(pd).zip(self.at.as_chunks::<UNROLL>().0).take(vectors);
         for ((((pa, pb), pc), pd), at) in pairs {
-            // from 32 bits, so that the next one is known not to wrap
-            let at = *at as u32 as usize;
-            if next == 1 {
-                (*pa, *pb, *pc, *pd) = (T::pair(a, at, 1), T::pair(b, at, 1), T::pair(c, at, 1), T::pair(d, at, 1));
-            } else {
-                let at = at + channel;
-                *pa = T::pair(a, at, next);
-                *pb = T::pair(b, at, next);
-                *pc = T::pair(c, at, next);
-                *pd = T::pair(d, at, next);
+            for l in 0..UNROLL {
+                // from 32 bits, so that the next one is known not to wrap
+                let at = at[l] as u32 as usize;
+                if next == 1 {
+                    pa[l] = T::pair(a, at, 1);
+                    pb[l] = T::pair(b, at, 1);
+                    pc[l] = T::pair(c, at, 1);
+                    pd[l] = T::pair(d, at, 1);
+                } else {
+                    let at = at + channel;
+                    pa[l] = T::pair(a, at, next);
+                    pb[l] = T::pair(b, at, next);
+                    pc[l] = T::pair(c, at, next);
+                    pd[l] = T::pair(d, at, next);
+                }
             }
         }
     }
@@ -146,12 +192,13 @@ impl<T: Fetch> Batch<T> {
     fn scatter(&self, reader: &Reader<'_, T>, channel: usize, out: &mut [T]) {
         let channels = reader.channels();
         let mut from = 0;
-        for &(start, count) in &self.rows {
+        for row in &self.rows[..self.count] {
+            let (start, count) = (row.start, row.count as usize);
             if channels == 1 {
                 copy(&self.value, from, &mut out[start..start + count]);
             } else {
-                let rows = out[start * channels..(start + count) * channels].chunks_exact_mut(channels);
-                rows.zip(&self.value[from..from + count]).for_each(|(voxel, v)| voxel[channel] = *v);
+                let voxels = out[start * channels..(start + count) * channels].chunks_exact_mut(channels);
+                voxels.zip(&self.value[from..from + count]).for_each(|(voxel, v)| voxel[channel] = *v);
             }
             from += count;
         }
@@ -163,7 +210,8 @@ impl<T: Fetch> Batch<T> {
     fn again(&self, reader: &Reader<'_, T>, out: &mut [T]) {
         let [sx, sy, sz] = reader.stride;
         let mut from = 0;
-        for &(start, count) in &self.rows {
+        for row in &self.rows[..self.count] {
+            let (start, count) = (row.start, row.count as usize);
             for i in 0..count {
                 let at = self.at[from + i] as usize;
                 let cell = [at % sy / sx, at % sz / sy, at / sz];
@@ -173,25 +221,6 @@ impl<T: Fetch> Batch<T> {
             }
             from += count;
         }
-    }
-}
-
-/// A row for a batch, from code that is not compiled for the machine.
-pub(super) struct Push<'a, 'b, T: Fetch> {
-    pub batch: &'a mut Batch<T>,
-    pub reader: &'a Reader<'b, T>,
-    pub row: Row<'a>,
-    pub start: usize,
-    pub count: usize,
-    pub out: &'a mut [T],
-}
-
-impl<T: Fetch> Work for Push<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) {
-        self.batch.push(machine, self.reader, self.row, self.start, self.count, self.out);
     }
 }
 
@@ -207,6 +236,7 @@ impl<T: Fetch> Work for Flush<'_, '_, T> {
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) {
         let Self { batch, reader, out } = self;
+        batch.cells(machine, reader);
         for channel in 0..reader.channels() {
             batch.gather(reader, channel);
             machine.blend(batch);

@@ -1,9 +1,8 @@
 //! Which vectors look-ups are computed in, chosen at run time: sixteen numbers with AVX-512, eight with AVX2, arrays of eight,
 //! which the compiler makes NEON or what else there is of.
 
-use super::batch::Batch;
-use super::row::Place;
-use crate::math::lanes::{self, Plain};
+use super::batch::{Batch, Row};
+use crate::math::lanes::{self, Doubles, Plain};
 use crate::volume::fetch::Fetch;
 
 /// Most voxels of a vector.
@@ -12,22 +11,16 @@ pub(super) const WIDEST: usize = 16;
 /// What computes with some voxels of a row at a time.
 pub(super) trait Machine: Copy {
     const LANES: usize;
+    /// What spans are solved for with.
+    type Doubles: Doubles;
+    fn doubles(self) -> Self::Doubles;
     /// Runs the work in code that is compiled for this machine.
     fn enter<W: Work>(self, work: W) -> W::Output;
     /// Cells and fractions of the voxels from the row's number `number` on, a vector of them: index of each cell's first
     /// sample, and where in the cell each voxel lies along x, y and z.
-    fn cells(self, row: Row<'_>, number: usize, at: &mut [i32], fraction: [&mut [f32]; 3]);
+    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]);
     /// Blends the samples that a batch has collected.
     fn blend<T: Fetch>(self, batch: &mut Batch<T>);
-}
-
-/// A row of voxels that lie in the input, on its way into a batch.
-#[derive(Clone, Copy)]
-pub(super) struct Row<'a> {
-    pub place: &'a Place,
-    /// Where it starts, relative to the place.
-    pub from: [f32; 3],
-    pub stride: [i32; 3],
 }
 
 /// Work that any machine can do. Is to be inlined, with all it calls that computes.
@@ -68,17 +61,16 @@ struct Eight<M>(M);
 
 /// The body of [`Machine::cells`] on eight lanes. A voxel an edge's slack outside is drawn as if it lay on the edge.
 #[inline(always)]
-fn eight<M: lanes::Machine>(m: M, row: Row<'_>, number: usize, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-    use lanes::{I8, LANES};
-    let k = I8::load(m, [0, 1, 2, 3, 4, 5, 6, 7]) + I8::splat(m, number as i32);
-    let k = k.to_float();
+fn eight<M: lanes::Machine>(m: M, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
+    use lanes::{F8, I8, LANES};
+    let k = F8::load(m, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + number;
     let mut sum = I8::splat(m, row.place.first);
     for (axis, out) in fraction.into_iter().enumerate() {
         let v = k.times_plus(row.place.step[axis], row.from[axis]).clamp(0.0, row.place.last[axis]);
         // the last sample is the end of the last cell
         let cell = v.min(row.place.last[axis] - 1.0).truncate();
         (v - cell.to_float()).put(&mut out[..LANES], 0);
-        sum = sum + cell * I8::splat(m, row.stride[axis]);
+        sum = sum + cell * I8::splat(m, stride[axis]);
     }
     at[..LANES].copy_from_slice(&sum.lanes());
 }
@@ -86,13 +78,20 @@ fn eight<M: lanes::Machine>(m: M, row: Row<'_>, number: usize, at: &mut [i32], f
 #[cfg(target_arch = "x86_64")]
 impl Machine for Eight<pulp::x86::V3> {
     const LANES: usize = lanes::LANES;
+    type Doubles = pulp::x86::V3;
+
+    #[inline(always)]
+    fn doubles(self) -> pulp::x86::V3 {
+        self.0
+    }
+
     #[inline(always)]
     fn enter<W: Work>(self, work: W) -> W::Output {
         pulp::Simd::vectorize(self.0, On(self, work))
     }
     #[inline(always)]
-    fn cells(self, row: Row<'_>, number: usize, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-        eight(self.0, row, number, at, fraction);
+    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
+        eight(self.0, row, stride, number, at, fraction);
     }
     #[inline(always)]
     fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
@@ -102,13 +101,20 @@ impl Machine for Eight<pulp::x86::V3> {
 
 impl Machine for Eight<Plain> {
     const LANES: usize = lanes::LANES;
+    type Doubles = Plain;
+
+    #[inline(always)]
+    fn doubles(self) -> Plain {
+        self.0
+    }
+
     #[inline(always)]
     fn enter<W: Work>(self, work: W) -> W::Output {
         work.run(self)
     }
     #[inline(always)]
-    fn cells(self, row: Row<'_>, number: usize, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-        eight(self.0, row, number, at, fraction);
+    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
+        eight(self.0, row, stride, number, at, fraction);
     }
     #[inline(always)]
     fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
@@ -123,6 +129,12 @@ struct Sixteen(pulp::x86::V4);
 #[cfg(target_arch = "x86_64")]
 impl Machine for Sixteen {
     const LANES: usize = 16;
+    type Doubles = pulp::x86::V4;
+
+    #[inline(always)]
+    fn doubles(self) -> pulp::x86::V4 {
+        self.0
+    }
 
     #[inline(always)]
     fn enter<W: Work>(self, work: W) -> W::Output {
@@ -130,11 +142,10 @@ impl Machine for Sixteen {
     }
 
     #[inline(always)]
-    fn cells(self, row: Row<'_>, number: usize, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-        const COUNT: [i32; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
+        const COUNT: [f32; 16] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
         let m = self.0.avx512f;
-        let k = m._mm512_add_epi32(bytemuck::cast(COUNT), m._mm512_set1_epi32(number as i32));
-        let k = m._mm512_cvtepi32_ps(k);
+        let k = m._mm512_add_ps(bytemuck::cast(COUNT), m._mm512_set1_ps(number));
         let mut sum = m._mm512_set1_epi32(row.place.first);
         for (axis, out) in fraction.into_iter().enumerate() {
             let (step, from) = (m._mm512_set1_ps(row.place.step[axis]), m._mm512_set1_ps(row.from[axis]));
@@ -145,7 +156,7 @@ impl Machine for Sixteen {
             let cell = m._mm512_cvttps_epi32(m._mm512_min_ps(v, end));
             let part: [f32; 16] = bytemuck::cast(m._mm512_sub_ps(v, m._mm512_cvtepi32_ps(cell)));
             out[..16].copy_from_slice(&part);
-            sum = m._mm512_add_epi32(sum, m._mm512_mullo_epi32(cell, m._mm512_set1_epi32(row.stride[axis])));
+            sum = m._mm512_add_epi32(sum, m._mm512_mullo_epi32(cell, m._mm512_set1_epi32(stride[axis])));
         }
         at[..16].copy_from_slice(&bytemuck::cast::<_, [i32; 16]>(sum));
     }
@@ -160,9 +171,9 @@ impl Machine for Sixteen {
 mod tests {
     use glam::DVec3;
 
+    use super::super::WarpOptions;
     use super::super::batch::Batch;
-    use super::super::row::Reader;
-    use super::super::{WarpOptions, batch};
+    use super::super::row::{Line, Reader};
     use super::*;
     use crate::volume::sampling::{Interpolation, Sampler};
 
@@ -186,18 +197,9 @@ mod tests {
             let mut batch = Box::new(Batch::new());
             let mut start = 0;
             for ([from, to], count) in self.ends {
-                let step = (*to - *from) / (*count - 1) as f64;
-                let place = Place::new(from.min(*to), step.to_array(), self.reader);
-                let from = std::array::from_fn(|a| (from[a] - place.base[a]) as f32);
-                let row = self.reader.row(&place, from);
-                machine.enter(batch::Push {
-                    batch: &mut batch,
-                    reader: self.reader,
-                    row,
-                    start,
-                    count: *count,
-                    out: self.out,
-                });
+                let line = Line { from: *from, step: (*to - *from) / (*count - 1) as f64, weight: 1.0 };
+                let row = self.reader.place_of(&line, 0, *count);
+                batch.push_long(machine, self.reader, row, start..start + count, self.out);
                 start += count;
             }
             batch.flush(machine, self.reader, self.out);

@@ -28,6 +28,7 @@
 mod batch;
 pub mod cells;
 mod machine;
+pub(crate) mod outline;
 mod raster;
 mod row;
 mod setup;

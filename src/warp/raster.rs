@@ -1,14 +1,18 @@
 //! A slab of layers of the output: which voxels each tetrahedron holds, and which of them are its own.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
-use super::batch::{Batch, Push};
+use super::batch::{Batch, LONGEST, Row};
 use super::cells::Candidates;
 use super::machine::{self, Machine, Work};
-use super::row::{EDGE, Line, Place, Reader};
+use super::outline::{Layer, Outline, Spans};
+use super::row::{EDGE, Line, Part, Reader};
 use super::setup::Tet;
-use super::touch;
+use super::touch::{self, Ahead};
 use super::{Culling, OVERLAP, Warp, WarpOptions};
+use crate::math::lanes::{Doubles, LANES};
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::Sampler;
 
@@ -38,9 +42,6 @@ impl Tally {
         self.beyond += other.beyond;
     }
 }
-
-/// Rows of voxels that are solved for together: as many as the widest vector unit takes numbers.
-const ROWS: usize = 8;
 
 /// Layers of the output, and what is drawn into them.
 pub(super) struct Slab<'a, T> {
@@ -76,28 +77,32 @@ impl<T: Fetch> Work for Draw<'_, '_, T> {
         let [nx, ny, _] = warp.dims;
         let outside = T::from_f64(options.outside);
         written.clear();
-        written.resize((nx * ny * layers).div_ceil(64), 0);
+        // rows are claimed in two words
+        written.resize((nx * ny * layers).div_ceil(64) + 1, 0);
         let reader = Reader::new(input, options);
-        let batch = Box::new(Batch::new());
-        let mut canvas = Canvas { machine, nx, ny, first, samples, written, reader, batch, tally: Tally::default() };
+        let (batch, tally) = (Box::new(Batch::new()), Tally::default());
+        let mut canvas =
+            Canvas { machine, nx, ny, first, samples, written, reader, batch, ahead: None, steps: 0, tally };
         let last = first + layers as i32 - 1;
         for &t in tets {
             let tet = &warp.tets[t as usize];
-            let place = canvas.reader.place(tet);
-            let near = touch::layers::<T>(tet, canvas.reader.channels()).filter(|_| place.is_some());
-            let from = tet.lo[2].max(first);
-            for z in from..=tet.hi[2].min(last) {
-                if let Some(near) = near.filter(|near| (z - from) % near == 0) {
-                    touch::touch(tet, &canvas.reader, z, (z + near - 1).min(tet.hi[2]).min(last));
+            let part = canvas.reader.part(tet);
+            let outline = Outline::new(machine.doubles(), tet);
+            let (from, to) = (tet.lo[2].max(first), tet.hi[2].min(last));
+            let near = touch::layers::<T>(tet, canvas.reader.channels()).filter(|_| part.is_some());
+            for z in from..=to {
+                if let Some(near) = near {
+                    canvas.prepare(tet, near, from, z, to);
                 }
                 match self.candidates.culling {
-                    Culling::Exact => canvas.solve(tet, &place, z),
+                    Culling::Exact => canvas.solve(tet, &part, z, &outline.layer(z)),
                     _ => self.candidates.runs(t as usize, z, |y, from, to| canvas.run(tet, None, [from, y, z], to)),
                 }
             }
         }
         canvas.batch.flush(machine, &canvas.reader, canvas.samples);
         canvas.fill(nx * ny * layers, outside);
+        canvas.tally.written += canvas.batch.done;
         canvas.tally
     }
 }
@@ -111,118 +116,147 @@ struct Canvas<'a, T: Fetch, M> {
     written: &'a mut [u64],
     reader: Reader<'a, T>,
     batch: Box<Batch<T>>,
+    /// What of the input is needed next, and how much of it to ask for while the layer at hand is drawn.
+    ahead: Option<Ahead>,
+    steps: usize,
     tally: Tally,
 }
 
 impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
+    /// Before layer `z` of those from `from` to `to` is drawn: asks for what `near` layers need, if they are the first, and
+    /// for some of what the next ones do.
+    #[inline(always)]
+    fn prepare(&mut self, tet: &Tet, near: i32, from: i32, z: i32, to: i32) {
+        let done = (z - from) % near;
+        if done == 0 {
+            if z == from
+                && let Some(mut ahead) = Ahead::new(tet, &self.reader, z, (z + near - 1).min(to))
+            {
+                for _ in 0..ahead.steps() {
+                    ahead.step(self.machine.doubles(), &self.reader);
+                }
+            }
+            let next = z + near;
+            let more = next <= to;
+            self.ahead = more.then(|| Ahead::new(tet, &self.reader, next, (next + near - 1).min(to))).flatten();
+        }
+        self.steps = self.ahead.as_ref().map_or(0, |ahead| ahead.steps().div_ceil((near - done) as usize));
+    }
+
+    /// Asks for some of what is needed next, while one of so many groups of rows is drawn.
+    #[inline(never)]
+    fn ask(&mut self, groups: usize) {
+        let steps = self.steps.div_ceil(groups);
+        self.steps -= steps;
+        if let Some(ahead) = &mut self.ahead {
+            self.machine.enter(Ask { ahead, reader: &self.reader, steps });
+        }
+    }
+
     /// The voxels of layer `z`: for each row the interval where no barycentric coordinate is negative.
     #[inline(always)]
-    fn solve(&mut self, tet: &Tet, place: &Option<Place>, z: i32) {
-        let (top, bottom) = tet.rows(z);
+    fn solve(&mut self, tet: &Tet, part: &Option<Part>, z: i32, layer: &Layer<M::Doubles>) {
+        let m = self.machine.doubles();
         let height = f64::from(z - tet.anchor[2]);
-        // crossing = at + y * slope; `side`: the interval begins there (1), ends there (-1), or the row runs along the
-        // face (0) and lies inside or outside as a whole
-        let mut at = [0.0; 4];
-        let mut slope = [0.0; 4];
-        let mut side = [0i32; 4];
-        for (f, b) in tet.bary.iter().enumerate() {
-            let rest = b[2] * height + b[3] + tet.slack;
-            // less than this changes a coordinate by no more than the slack across a thousand voxels
-            if b[0].abs() < 1e-12 {
-                (at[f], slope[f]) = (rest, b[1]);
-            } else {
-                let inverse = -1.0 / b[0];
-                (at[f], slope[f]) = (rest * inverse, b[1] * inverse);
-                side[f] = if b[0] > 0.0 { 1 } else { -1 };
-            }
-        }
-        let (left, right) = (f64::from(tet.lo[0] - tet.anchor[0]), f64::from(tet.hi[0] - tet.anchor[0]));
-        let mut row = top;
+        let first_row = (z - self.first) as usize * self.ny;
+        let [mut row, bottom] = layer.rows;
         while row <= bottom {
-            let mut lo = [left; ROWS];
-            let mut hi = [right; ROWS];
-            let y: [f64; ROWS] = std::array::from_fn(|r| f64::from(row - tet.anchor[1]) + r as f64);
-            for f in 0..4 {
-                let (a, s) = (at[f], slope[f]);
-                match side[f] {
-                    1 => (0..ROWS).for_each(|r| {
-                        let q = a + s * y[r];
-                        lo[r] = if q > lo[r] { q } else { lo[r] };
-                    }),
-                    -1 => (0..ROWS).for_each(|r| {
-                        let q = a + s * y[r];
-                        hi[r] = if q < hi[r] { q } else { hi[r] };
-                    }),
-                    _ => (0..ROWS).for_each(|r| hi[r] = if a + s * y[r] >= 0.0 { hi[r] } else { f64::MIN }),
-                }
+            let rows = LANES.min((bottom - row + 1) as usize);
+            if self.steps > 0 {
+                self.ask((bottom - row) as usize / LANES + 1);
             }
-            let lo = lo.map(f64::ceil);
-            let hi = hi.map(f64::floor);
-            let mut from = [[0.0; ROWS]; 3];
-            let mut outside = [i64::from(place.is_none()); ROWS];
-            if let Some(place) = place {
+            let Spans { y, first, last } = layer.spans(row);
+            let mut some = m.up_to(first, last) & (u32::MAX >> (32 - rows));
+            let length = m.minus(last, first);
+            let mut inside = 0;
+            let mut from = [[0.0; LANES]; 3];
+            if let Some(part) = part {
+                inside = u32::MAX;
                 for (a, from) in from.iter_mut().enumerate() {
-                    let [rx, ry, rz, r] = tet.rest[a];
-                    let r = rz * height + (r - place.base[a]);
-                    let first: [f64; ROWS] = std::array::from_fn(|i| rx * lo[i] + ry * y[i] + r);
-                    *from = first.map(|v| v as f32);
-                    let (near, far) = (-EDGE - place.base[a], self.reader.last[a] + EDGE - place.base[a]);
-                    for i in 0..ROWS {
-                        let last = first[i] + rx * (hi[i] - lo[i]);
-                        outside[i] |= i64::from(!(first[i] >= near));
-                        outside[i] |= i64::from(!(first[i] <= far));
-                        outside[i] |= i64::from(!(last >= near));
-                        outside[i] |= i64::from(!(last <= far));
+                    let [rx, ry, rz, at] = tet.rest[a];
+                    let at = m.all(rz * height + (at - part.base[a]));
+                    let start = m.times_plus(m.all(rx), first, m.times_plus(m.all(ry), y, at));
+                    let end = m.times_plus(m.all(rx), length, start);
+                    let near = m.all(-EDGE - part.base[a]);
+                    let far = m.all(self.reader.last[a] + EDGE - part.base[a]);
+                    inside &= m.up_to(near, m.lesser(start, end)) & m.up_to(m.greater(start, end), far);
+                    *from = m.single(start);
+                }
+            }
+            let (first, length) = (m.whole(first), m.whole(length));
+            while some != 0 {
+                let r = some.trailing_zeros() as usize % LANES;
+                some &= some - 1;
+                let voxel = [first[r] + tet.anchor[0], row + r as i32, z];
+                let start = (first_row + voxel[1] as usize) * self.nx + voxel[0] as usize;
+                let count = length[r] as usize + 1;
+                let from = [from[0][r], from[1][r], from[2][r]];
+                let inside = part.as_ref().filter(|_| inside >> r & 1 == 1);
+                if let Some(part) = inside
+                    && count <= LONGEST
+                {
+                    let taken = claim(self.written, start, count);
+                    if taken == 0 {
+                        let row = Row { place: part.place, from, number: 0.0, start, count: count as u32 };
+                        self.batch.push(self.machine, &self.reader, row, self.samples);
+                    } else {
+                        self.draw(tet, Some((part, from)), voxel, start, 0..count, taken);
                     }
+                } else {
+                    self.run(tet, inside.map(|part| (part, from)), voxel, voxel[0] + length[r]);
                 }
             }
-            for r in 0..ROWS.min((bottom - row + 1) as usize) {
-                if lo[r] <= hi[r] {
-                    let voxel = [lo[r] as i32 + tet.anchor[0], row + r as i32, z];
-                    let start =
-                        place.as_ref().filter(|_| outside[r] == 0).map(|p| (p, [from[0][r], from[1][r], from[2][r]]));
-                    self.run(tet, start, voxel, hi[r] as i32 + tet.anchor[0]);
-                }
-            }
-            row += ROWS as i32;
+            row += LANES as i32;
         }
     }
 
     /// The voxels of a row from `voxel` to index `to`, all in the tetrahedron: those that are not written yet are. `inside`:
     /// where the row starts in the input, if it lies in it.
-    #[inline(always)]
-    fn run(&mut self, tet: &Tet, inside: Option<(&Place, [f32; 3])>, voxel: [i32; 3], to: i32) {
+    #[inline(never)]
+    fn run(&mut self, tet: &Tet, inside: Option<(&Part, [f32; 3])>, voxel: [i32; 3], to: i32) {
         let [x, y, z] = voxel;
         let start = ((z - self.first) as usize * self.ny + y as usize) * self.nx + x as usize;
-        let count = (to - x + 1) as usize;
-        if claim(self.written, start, count) != 0 {
-            self.run_in_parts(tet, voxel, start, count);
-        } else if let Some((place, from)) = inside {
-            self.tally.written += count as u64;
-            let row = self.reader.row(place, from);
-            self.batch.push(self.machine, &self.reader, row, start, count, self.samples);
-        } else {
-            self.write(tet, voxel, start, count);
+        let end = (to - x + 1) as usize;
+        for first in (0..end).step_by(LONGEST) {
+            let count = (end - first).min(LONGEST);
+            let taken = claim(self.written, start + first, count);
+            self.draw(tet, inside, voxel, start, first..first + count, taken);
         }
     }
 
-    /// The same where some are written.
-    #[cold]
+    /// Some voxels of a row that starts with `voxel`, at `start` in the slab, but not those with a bit in `taken`.
     #[inline(never)]
-    fn run_in_parts(&mut self, tet: &Tet, [from, y, z]: [i32; 3], start: usize, count: usize) {
-        let mut begin = 0;
-        while begin < count {
-            let free = (begin..count).take_while(|i| take(self.written, start + i)).count();
-            if free > 0 {
-                self.write(tet, [from + begin as i32, y, z], start + begin, free);
+    fn draw(
+        &mut self,
+        tet: &Tet,
+        inside: Option<(&Part, [f32; 3])>,
+        voxel: [i32; 3],
+        start: usize,
+        voxels: Range<usize>,
+        taken: u64,
+    ) {
+        let [x, y, z] = voxel;
+        let mut free = !taken & (u64::MAX >> (64 - voxels.len()));
+        while free != 0 {
+            let begin = free.trailing_zeros();
+            let length = (free >> begin).trailing_ones();
+            free &= !((u64::MAX >> (64 - length)) << begin);
+            let (number, count) = (voxels.start + begin as usize, length as usize);
+            let start = start + number;
+            if let Some((part, from)) = inside {
+                let row = Row { place: part.place, from, number: number as f32, start, count: length };
+                self.batch.push(self.machine, &self.reader, row, self.samples);
+            } else {
+                self.write(tet, [x + number as i32, y, z], start, count);
             }
-            begin += free;
-            if begin < count {
-                let within = tet.barycentric([from + begin as i32, y, z]).iter().all(|b| *b > OVERLAP);
-                self.tally.repeated += 1;
-                self.tally.covered_twice += u64::from(within);
-                begin += 1;
-            }
+        }
+        let mut again = taken;
+        while again != 0 {
+            let number = voxels.start as i32 + again.trailing_zeros() as i32;
+            again &= again - 1;
+            let within = tet.barycentric([x + number, y, z]).iter().all(|b| *b > OVERLAP);
+            self.tally.repeated += 1;
+            self.tally.covered_twice += u64::from(within);
         }
     }
 
@@ -251,9 +285,9 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
         }
     }
 
+    /// A row whose voxels may lie outside the input.
     #[inline(never)]
     fn write(&mut self, tet: &Tet, voxel: [i32; 3], start: usize, count: usize) {
-        self.tally.written += count as u64;
         let channels = self.reader.channels();
         let out = &mut self.samples[start * channels..(start + count) * channels];
         let line = Line {
@@ -263,46 +297,44 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
         };
         let (inside, missed) = self.reader.read(&line, out);
         self.tally.beyond += missed as u64;
+        self.tally.written += (count - inside.len()) as u64;
         if !inside.is_empty() {
-            let (place, from) = self.reader.place_of(&line, inside.start, inside.end);
-            let (row, start, count) = (self.reader.row(&place, from), start + inside.start, inside.len());
-            let Self { batch, reader, samples: out, machine, .. } = self;
-            machine.enter(Push { batch, reader, row, start, count, out });
+            let row = self.reader.place_of(&line, inside.start, inside.end);
+            let voxels = start + inside.start..start + inside.end;
+            self.batch.push_long(self.machine, &self.reader, row, voxels, self.samples);
         }
     }
 }
 
-/// Sets the bits `start..start + count` if none of them is set; returns whether (not 0) some are, and then sets none.
+struct Ask<'a, 'b, T> {
+    ahead: &'a mut Ahead,
+    reader: &'a Reader<'b, T>,
+    steps: usize,
+}
+
+impl<T: Fetch> Work for Ask<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) {
+        for _ in 0..self.steps {
+            self.ahead.step(machine.doubles(), self.reader);
+        }
+    }
+}
+
+/// Sets the bits `start..start + count`, from 1 to 64; returns those of them that were set, the first one lowest. There must
+/// be a word behind that of the last one.
 #[inline(always)]
 fn claim(bits: &mut [u64], start: usize, count: usize) -> u64 {
     let (word, shift) = (start / 64, start % 64);
-    if shift + count <= 64 {
-        let mask = (u64::MAX >> (64 - count)) << shift;
-        let taken = bits[word] & mask;
-        if taken == 0 {
-            bits[word] |= mask;
-        }
-        return taken;
-    }
-    let end = start + count;
-    let mask = |w: usize| {
-        let low = if w == word { u64::MAX << shift } else { u64::MAX };
-        if (w + 1) * 64 > end { low & (u64::MAX >> ((w + 1) * 64 - end)) } else { low }
-    };
-    let words = word..end.div_ceil(64);
-    let taken = words.clone().fold(0, |taken, w| taken | (bits[w] & mask(w)));
-    if taken == 0 {
-        words.for_each(|w| bits[w] |= mask(w));
-    }
+    let mask = u64::MAX >> (64 - count);
+    let [low, high] = &mut bits[word..word + 2] else { return 0 };
+    // by 64 in two steps, where the shift is 0
+    let taken = (*low >> shift | *high << 1 << (63 - shift)) & mask;
+    *low |= mask << shift;
+    *high |= mask >> 1 >> (63 - shift);
     taken
-}
-
-/// Sets a bit; false if it was set.
-fn take(bits: &mut [u64], at: usize) -> bool {
-    let bit = 1 << (at % 64);
-    let free = bits[at / 64] & bit == 0;
-    bits[at / 64] |= bit;
-    free
 }
 
 #[cfg(test)]
@@ -316,17 +348,18 @@ mod tests {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) % n
         };
-        let mut bits = vec![0u64; 8];
-        let mut plain = vec![false; 512];
-        for _ in 0..300 {
-            let start = next(500) as usize;
-            let longest = if next(4) == 0 { 300 } else { 12 };
+        let mut bits = vec![0u64; 9];
+        let mut plain = vec![false; 576];
+        for _ in 0..600 {
+            let start = next(512) as usize;
+            let longest = if next(4) == 0 { 64 } else { 12 };
             let count = 1 + next((512 - start as u64).min(longest)) as usize;
-            let free = plain[start..start + count].iter().all(|b| !b);
-            assert_eq!(claim(&mut bits, start, count) == 0, free);
-            if free {
-                plain[start..start + count].fill(true);
+            let taken = claim(&mut bits, start, count);
+            for (i, set) in plain[start..start + count].iter_mut().enumerate() {
+                assert_eq!(taken >> i & 1 == 1, *set);
+                *set = true;
             }
+            assert_eq!(taken.checked_shr(count as u32).unwrap_or(0), 0);
             for (i, set) in plain.iter().enumerate() {
                 assert_eq!(bits[i / 64] >> (i % 64) & 1 == 1, *set);
             }

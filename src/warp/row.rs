@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::WarpOptions;
-use super::machine::Row;
 use super::setup::Tet;
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
@@ -21,24 +20,31 @@ impl Line {
     }
 }
 
-/// A part of the input that rows run through: what their coordinates are relative to, small enough for `f32`.
-pub(super) struct Place {
-    /// A whole voxel at or below all points.
+/// A part of the input that rows run through.
+pub(super) struct Part {
+    /// A whole voxel at or below all points: what coordinates are relative to, so that they are small enough for `f32`.
     pub base: [f64; 3],
+    pub place: Place,
+}
+
+/// What look-ups need to know of a [`Part`].
+#[derive(Clone, Copy, Default)]
+pub(super) struct Place {
     /// The last sample along each axis, relative to the base.
     pub last: [f32; 3],
+    /// From a voxel of a row to the next.
     pub step: [f32; 3],
-    /// Index of the sample there.
+    /// Index of the sample at the base.
     pub first: i32,
 }
 
-impl Place {
+impl Part {
     #[inline(always)]
     pub fn new<T: Fetch>(lowest: DVec3, step: [f64; 3], reader: &Reader<'_, T>) -> Self {
         let base = lowest.max(DVec3::ZERO).min(reader.last).floor();
         let first = (0..3).map(|a| base[a] as i32 * reader.stride[a] as i32).sum();
         let last = (reader.last - base).as_vec3().to_array();
-        Self { base: base.to_array(), last, step: step.map(|s| s as f32), first }
+        Self { base: base.to_array(), place: Place { last, step: step.map(|s| s as f32), first } }
     }
 }
 
@@ -94,14 +100,8 @@ impl<'a, T: Fetch> Reader<'a, T> {
 
     /// Where a tetrahedron's rest positions are counted from, if rows in it may go by a batch.
     #[inline(always)]
-    pub fn place(&self, tet: &Tet) -> Option<Place> {
-        self.fast.then(|| Place::new(tet.rest_bounds[0], tet.rest.map(|r| r[0]), self))
-    }
-
-    /// A row that starts at `from`, relative to its place.
-    #[inline(always)]
-    pub fn row<'r>(&self, place: &'r Place, from: [f32; 3]) -> Row<'r> {
-        Row { place, from, stride: self.stride.map(|s| s as i32) }
+    pub fn part(&self, tet: &Tet) -> Option<Part> {
+        self.fast.then(|| Part::new(tet.rest_bounds[0], tet.rest.map(|r| r[0]), self))
     }
 
     /// Looks up the voxels of a row one by one, but for those that surely lie inside: returns which those are, and how many
@@ -120,12 +120,11 @@ impl<'a, T: Fetch> Reader<'a, T> {
         (first..last, missed)
     }
 
-    /// The part of the input around a row's voxels `first..last`, and where the row starts in it.
+    /// The part of the input around a row's voxels `first..last`, and where in it the row starts.
     pub fn place_of(&self, line: &Line, first: usize, last: usize) -> (Place, [f32; 3]) {
         let (from, to) = (line.at(first), line.at(last - 1));
-        let place = Place::new(from.min(to), line.step.to_array(), self);
-        let from = std::array::from_fn(|a| (from[a] - place.base[a]) as f32);
-        (place, from)
+        let part = Part::new(from.min(to), line.step.to_array(), self);
+        (part.place, std::array::from_fn(|a| (from[a] - part.base[a]) as f32))
     }
 
     /// The first voxel, and that behind the last, whose cells surely exist.

@@ -8,7 +8,7 @@ use crate::mesh::tets::signed_volume;
 pub const TOLERANCE: f64 = 1e-9;
 
 /// Voxels by which bounds are widened before they are rounded, so that rounding loses no voxel on a face.
-const PAD: f64 = 1e-6;
+pub(super) const PAD: f64 = 1e-6;
 
 /// An affine function `x * at[0] + y * at[1] + z * at[2] + at[3]` of voxel indices relative to a tetrahedron's `anchor`.
 pub type AffineRow = [f64; 4];
@@ -124,34 +124,5 @@ impl Tet {
     #[inline(always)]
     fn relative(&self, voxel: [i32; 3]) -> [f64; 3] {
         std::array::from_fn(|a| f64::from(voxel[a] - self.anchor[a]))
-    }
-
-    /// First and last row (index along y) of layer `z` that may hold voxels of the tetrahedron.
-    #[inline(always)]
-    pub(crate) fn rows(&self, z: i32) -> (i32, i32) {
-        let height = f64::from(z - self.anchor[2]);
-        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-        const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-        for [i, j] in EDGES {
-            let (p, q) = (self.corners[i], self.corners[j]);
-            let t = ((height - p.z) / (q.z - p.z)).clamp(0.0, 1.0);
-            let (bottom, top) = if p.z < q.z { (p.z, q.z) } else { (q.z, p.z) };
-            if bottom <= height + PAD && top >= height - PAD {
-                // an edge in the layer (0/0) is met at its ends, which are other edges' too
-                let t = if t.is_nan() { 0.0 } else { t };
-                let y = p.y + t * (q.y - p.y);
-                lo = lo.min(y);
-                hi = hi.max(y);
-                if (q.z - p.z).abs() <= 2.0 * PAD {
-                    lo = lo.min(q.y).min(p.y);
-                    hi = hi.max(q.y).max(p.y);
-                }
-            }
-        }
-        let base = self.anchor[1];
-        // at the pad an inclined edge may leave the layer sideways by more than the pad: the bounds catch what is outside
-        let first = base.saturating_add((lo - PAD).ceil() as i32).max(self.lo[1]);
-        let last = base.saturating_add((hi + PAD).floor() as i32).min(self.hi[1]);
-        if lo <= hi { (first, last) } else { (0, -1) }
     }
 }

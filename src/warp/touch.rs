@@ -3,98 +3,139 @@
 //! Rows of the output run through the input at an angle, so that each step comes upon another line of samples, which no
 //! processor foresees: look-ups then wait for memory one after the other. The part of the input behind some layers of a
 //! tetrahedron is convex, and is gone through here in the order in which it lies in memory, one sample a line of the cache.
+//!
+//! A processor passes over what it is asked for too fast, and what was asked for too early is gone when it is needed: of a
+//! large tetrahedron the next layers are asked for little by little while those before them are drawn.
 
 use glam::{DMat3, DVec3};
 
 use super::row::Reader;
 use super::setup::Tet;
+use crate::math::lanes::{Doubles, LANES};
 use crate::math::prefetch;
 use crate::volume::fetch::Fetch;
 
-/// Rows of samples whose ends are computed together.
-const ROWS: usize = 16;
-
-/// Bytes of samples that are brought near at a time: well below what a core's cache holds.
-const ENOUGH: f64 = (384 << 10) as f64;
+/// Bytes of samples that are brought near at a time: not much more than a core's nearest cache holds.
+const ENOUGH: f64 = (64 << 10) as f64;
 
 /// Bytes of a tetrahedron's samples that are not worth it.
 const FEW: f64 = (4 << 10) as f64;
 
-/// How many layers of a tetrahedron to draw before the next are brought near; none if it is so small that it needs no help.
+/// How many layers of a tetrahedron are brought near together; none if it is so small that it needs no help.
 pub(super) fn layers<T>(tet: &Tet, channels: usize) -> Option<i32> {
     let rest = tet.rest_volume * (channels * size_of::<T>()) as f64;
     let deep = f64::from(tet.hi[2] - tet.lo[2] + 1);
     (rest > FEW).then(|| (deep * ENOUGH / rest).clamp(4.0, 1024.0) as i32)
 }
 
-/// Asks for each line of samples that layers `from..=to` of the tetrahedron need.
-#[inline(always)]
-pub(super) fn touch<T: Fetch>(tet: &Tet, reader: &Reader<'_, T>, from: i32, to: i32) {
-    let row = |r: [f64; 4]| DVec3::new(r[0], r[1], r[2]);
-    let forward = DMat3::from_cols(row(tet.rest[0]), row(tet.rest[1]), row(tet.rest[2])).transpose();
-    let back = forward.inverse();
-    let origin = DVec3::new(tet.rest[0][3], tet.rest[1][3], tet.rest[2][3]);
-    let (bottom, top) = (f64::from(from - tet.anchor[2]), f64::from(to - tet.anchor[2]));
-    // inside is where none of these is negative: four barycentric coordinates, and the height from below and from above
-    let mut planes = [[0.0f64; 4]; 6];
-    for (f, plane) in planes.iter_mut().enumerate() {
-        let [x, y, z, at] = match f {
-            4 => [0.0, 0.0, 1.0, -bottom],
-            5 => [0.0, 0.0, -1.0, top],
-            f => tet.bary[f],
+/// A plane that rows of samples cross at `at + y * along + z * up`.
+#[derive(Clone, Copy, Default)]
+struct Crossing {
+    at: f64,
+    along: f64,
+    up: f64,
+}
+
+/// Faces, two heights, and the bounds.
+const PLANES: usize = 7;
+
+/// What layers of a tetrahedron need of the input, to be asked for little by little.
+pub(super) struct Ahead {
+    /// What is needed of a row lies behind all of these and before all of those.
+    begin: [Crossing; PLANES],
+    begins: usize,
+    end: [Crossing; PLANES],
+    ends: usize,
+    /// First row along y and along z, how many there are, and which is next.
+    first: [usize; 2],
+    rows: [usize; 2],
+    next: [usize; 2],
+}
+
+impl Ahead {
+    /// Layers `from..=to` of the tetrahedron.
+    pub fn new<T: Fetch>(tet: &Tet, reader: &Reader<'_, T>, from: i32, to: i32) -> Option<Self> {
+        let row = |r: [f64; 4]| DVec3::new(r[0], r[1], r[2]);
+        let forward = DMat3::from_cols(row(tet.rest[0]), row(tet.rest[1]), row(tet.rest[2])).transpose();
+        let back = forward.inverse().transpose();
+        let origin = DVec3::new(tet.rest[0][3], tet.rest[1][3], tet.rest[2][3]);
+        let (bottom, top) = (f64::from(from - tet.anchor[2]), f64::from(to - tet.anchor[2]));
+        let [lo, hi] = bounds(tet, forward, origin, bottom, top)?;
+        let lo = lo.max(DVec3::ZERO).min(reader.last).floor();
+        let hi = (hi + 1.0).max(DVec3::ZERO).min(reader.last).floor();
+        let first = [lo.y as usize, lo.z as usize];
+        let rows = [hi.y as usize + 1 - first[0], hi.z as usize + 1 - first[1]];
+        let bound = |at| Crossing { at, along: 0.0, up: 0.0 };
+        let mut ahead = Self {
+            begin: [bound(lo.x); PLANES],
+            begins: 1,
+            end: [bound(hi.x); PLANES],
+            ends: 1,
+            first,
+            rows,
+            next: [0; 2],
         };
-        let normal = back.transpose() * DVec3::new(x, y, z);
-        // samples behind the last voxel are read, too
-        let wider = normal.abs().dot(DVec3::ONE);
-        *plane = [normal.x, normal.y, normal.z, at - normal.dot(origin) + wider];
-    }
-    let Some([lo, hi]) = bounds(tet, forward, origin, bottom, top) else { return };
-    let lo = lo.max(DVec3::ZERO).min(reader.last);
-    let hi = (hi + 1.0).max(DVec3::ZERO).min(reader.last);
-    let step = prefetch::LINE / size_of::<T>();
-    let samples = reader.samples();
-    let channels = reader.channels();
-    let [first, rows] = [lo.y as usize, hi.y as usize + 1 - lo.y as usize];
-    for z in lo.z as usize..=hi.z as usize {
-        // where the first row of samples crosses each plane, and how far from there the next
-        let mut crossing = [[0.0f32; 2]; 6];
-        for (p, crossing) in planes.iter().zip(&mut crossing) {
+        // inside is where none of these is negative: four barycentric coordinates, and the height from below and from above
+        let [a, b, c, d] = tet.bary;
+        for [x, y, z, at] in [a, b, c, d, [0.0, 0.0, 1.0, -bottom], [0.0, 0.0, -1.0, top]] {
+            let normal = back * DVec3::new(x, y, z);
+            // samples behind the last voxel are read, too
+            let wider = normal.abs().dot(DVec3::ONE);
             // a row along a plane crosses it far away, on the side that leaves it whole or takes it all
-            let across = if p[0].abs() < 1e-9 { 1e-9 } else { p[0] };
-            let value = p[1] * lo.y + p[2] * z as f64 + p[3];
-            *crossing = [(-value / across) as f32, (-p[1] / across) as f32];
+            let inverse = -1.0 / if normal.x.abs() < 1e-9 { 1e-9 } else { normal.x };
+            let at = normal.y * lo.y + normal.z * lo.z + at - normal.dot(origin) + wider;
+            let crossing = Crossing { at: at * inverse, along: normal.y * inverse, up: normal.z * inverse };
+            if normal.x > -1e-9 {
+                ahead.begin[ahead.begins] = crossing;
+                ahead.begins += 1;
+            } else {
+                ahead.end[ahead.ends] = crossing;
+                ahead.ends += 1;
+            }
         }
-        let mut row = 0;
-        while row < rows {
-            let mut left = [lo.x as f32; ROWS];
-            let mut right = [hi.x as f32; ROWS];
-            for (p, [at, step]) in planes.iter().zip(crossing) {
-                let at = at + step * row as f32;
-                if p[0] > -1e-9 {
-                    for r in 0..ROWS {
-                        let at = at + step * r as f32;
-                        left[r] = if at > left[r] { at } else { left[r] };
-                    }
-                } else {
-                    for r in 0..ROWS {
-                        let at = at + step * r as f32;
-                        right[r] = if at < right[r] { at } else { right[r] };
-                    }
-                }
+        Some(ahead)
+    }
+
+    /// How often [`Ahead::step`] is still to be called.
+    #[inline(always)]
+    pub fn steps(&self) -> usize {
+        (self.rows[1] - self.next[1]) * self.rows[0].div_ceil(LANES) - self.next[0] / LANES
+    }
+
+    /// Asks for the samples of eight rows.
+    #[inline(always)]
+    pub fn step<M: Doubles, T: Fetch>(&mut self, m: M, reader: &Reader<'_, T>) {
+        const COUNT: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+        let z = self.next[1] as f64;
+        let y = m.plus(m.all(self.next[0] as f64), m.of(COUNT));
+        let (mut left, mut right) = (m.all(0.0), m.all(f64::from(i32::MAX)));
+        for c in &self.begin[..self.begins] {
+            left = m.greater(left, m.times_plus(y, m.all(c.along), m.all(c.at + z * c.up)));
+        }
+        for c in &self.end[..self.ends] {
+            right = m.lesser(right, m.times_plus(y, m.all(c.along), m.all(c.at + z * c.up)));
+        }
+        let mut some = m.up_to(left, right) & (u32::MAX >> (32 - LANES.min(self.rows[0] - self.next[0])));
+        let (left, right) = (m.whole(left), m.whole(right));
+        let [sx, sy, sz] = reader.stride;
+        let first = (self.first[1] + self.next[1]) * sz + (self.first[0] + self.next[0]) * sy;
+        let line = prefetch::LINE / size_of::<T>();
+        let samples = reader.samples();
+        while some != 0 {
+            let r = some.trailing_zeros() as usize % LANES;
+            some &= some - 1;
+            let start = first + r * sy;
+            let (mut at, end) = (start + left[r] as u32 as usize * sx, start + right[r] as u32 as usize * sx);
+            prefetch::read(samples, at);
+            prefetch::read(samples, end);
+            while at + line < end {
+                at += line;
+                prefetch::read(samples, at);
             }
-            for r in 0..ROWS.min(rows - row) {
-                if left[r] <= right[r] {
-                    let start = z * reader.stride[2] + (first + row + r) * reader.stride[1];
-                    let mut at = start + left[r] as u32 as usize * channels;
-                    let end = start + right[r] as u32 as usize * channels;
-                    prefetch::read(samples, end);
-                    while at < end {
-                        prefetch::read(samples, at);
-                        at += step;
-                    }
-                }
-            }
-            row += ROWS;
+        }
+        self.next[0] += LANES;
+        if self.next[0] >= self.rows[0] {
+            self.next = [0, self.next[1] + 1];
         }
     }
 }

@@ -3,8 +3,10 @@
 use super::fixed::{TooFar, record};
 use super::{WarpGpuError, WarpLimits};
 use crate::gpu::layout::WarpTet;
+use crate::math::lanes::Plain;
 use crate::math::parallel;
 use crate::warp::cells::Candidates;
+use crate::warp::outline::Outline;
 use crate::warp::{Culling, Tet, Warp};
 
 /// Voxels along a side of a brick, at most: what the fields of an item hold.
@@ -138,8 +140,9 @@ pub fn pairs(culling: Culling) -> usize {
 }
 
 fn rows(index: u32, tet: &Tet, lo: [i32; 3], hi: [i32; 3], items: &mut Vec<[u32; 2]>) {
+    let outline = Outline::new(Plain, tet);
     for z in lo[2]..=hi[2] {
-        let (top, bottom) = tet.rows(z);
+        let [top, bottom] = outline.layer(z).rows;
         let (top, bottom) = (top.max(lo[1]), bottom.min(hi[1]));
         for y in (top..=bottom).step_by(ROWS) {
             let count = (bottom - y + 1).min(ROWS as i32);

@@ -2,14 +2,17 @@
 //!
 //! [`Machine`] names the operations, [`F8`] and [`I8`] make them read like arithmetic. There are two machines: [`Plain`],
 //! arrays that the compiler makes of what it can, and, chosen at run time, the vector registers of x86 processors with AVX2
-//! and FMA. Results agree but for the rounding of [`F8::times_plus`].
+//! and FMA. Results agree but for the rounding of [`F8::times_plus`]. [`Doubles`] are for what must be exact; there is a
+//! machine with AVX-512 for these, too.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+mod doubles;
 mod plain;
 
 use std::ops::{Add, Div, Mul, Sub};
 
+pub use doubles::Doubles;
 pub use plain::Plain;
 
 /// Numbers of a vector.
