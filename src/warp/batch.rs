@@ -39,6 +39,8 @@ pub(super) struct Row {
     pub number: f32,
     pub start: usize,
     pub count: u32,
+    /// Whether it keeps away from the first and last samples.
+    pub deep: bool,
 }
 
 /// Rows that wait to be looked up.
@@ -93,19 +95,19 @@ impl<T: Fetch> Batch<T> {
         self.voxels += row.count as usize;
     }
 
-    /// The same for a row of any length.
+    /// The same for a row of any length, that is to fill these voxels of the output.
     pub fn push_long<M: Machine>(
         &mut self,
         machine: M,
         reader: &Reader<'_, T>,
-        (place, from): (Place, [f32; 3]),
+        row: Row,
         voxels: Range<usize>,
         out: &mut [T],
     ) {
         for start in voxels.clone().step_by(LONGEST) {
             let number = (start - voxels.start) as f32;
             let count = (voxels.end - start).min(LONGEST) as u32;
-            self.push(machine, reader, Row { place, from, number, start, count }, out);
+            self.push(machine, reader, Row { number, start, count, ..row }, out);
         }
     }
 
@@ -129,11 +131,18 @@ impl<T: Fetch> Batch<T> {
             while l < row.count as usize {
                 let to = first + l..first + l + M::LANES;
                 let fraction = [&mut fx[to.clone()], &mut fy[to.clone()], &mut fz[to.clone()]];
-                machine.cells(row, stride, row.number + l as f32, &mut self.at[to], fraction);
+                let (number, at) = (row.number + l as f32, &mut self.at[to]);
+                if row.deep {
+                    machine.cells::<true>(row, stride, number, at, fraction);
+                } else {
+                    machine.cells::<false>(row, stride, number, at, fraction);
+                }
                 l += M::LANES;
             }
             first += row.count as usize;
         }
+        // what lies behind is fetched, too
+        self.at[first..first + UNROLL].fill(0);
     }
 
     #[inline(always)]

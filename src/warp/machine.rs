@@ -17,8 +17,16 @@ pub(super) trait Machine: Copy {
     /// Runs the work in code that is compiled for this machine.
     fn enter<W: Work>(self, work: W) -> W::Output;
     /// Cells and fractions of the voxels from the row's number `number` on, a vector of them: index of each cell's first
-    /// sample, and where in the cell each voxel lies along x, y and z.
-    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]);
+    /// sample, and where in the cell each voxel lies along x, y and z. Voxels of rows that are not `DEEP` in the input may lie
+    /// an edge's slack outside; they are taken to lie on the edge.
+    fn cells<const DEEP: bool>(
+        self,
+        row: &Row,
+        stride: [i32; 3],
+        number: f32,
+        at: &mut [i32],
+        fraction: [&mut [f32]; 3],
+    );
     /// Blends the samples that a batch has collected.
     fn blend<T: Fetch>(self, batch: &mut Batch<T>);
 }
@@ -61,14 +69,26 @@ struct Eight<M>(M);
 
 /// The body of [`Machine::cells`] on eight lanes. A voxel an edge's slack outside is drawn as if it lay on the edge.
 #[inline(always)]
-fn eight<M: lanes::Machine>(m: M, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
+fn eight<M: lanes::Machine, const DEEP: bool>(
+    m: M,
+    row: &Row,
+    stride: [i32; 3],
+    number: f32,
+    at: &mut [i32],
+    fraction: [&mut [f32]; 3],
+) {
     use lanes::{F8, I8, LANES};
     let k = F8::load(m, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + number;
     let mut sum = I8::splat(m, row.place.first);
     for (axis, out) in fraction.into_iter().enumerate() {
-        let v = k.times_plus(row.place.step[axis], row.from[axis]).clamp(0.0, row.place.last[axis]);
-        // the last sample is the end of the last cell
-        let cell = v.min(row.place.last[axis] - 1.0).truncate();
+        let mut v = k.times_plus(row.place.step[axis], row.from[axis]);
+        let cell = if DEEP {
+            v.truncate()
+        } else {
+            v = v.clamp(0.0, row.place.last[axis]);
+            // the last sample is the end of the last cell
+            v.min(row.place.last[axis] - 1.0).truncate()
+        };
         (v - cell.to_float()).put(&mut out[..LANES], 0);
         sum = sum + cell * I8::splat(m, stride[axis]);
     }
@@ -90,8 +110,15 @@ impl Machine for Eight<pulp::x86::V3> {
         pulp::Simd::vectorize(self.0, On(self, work))
     }
     #[inline(always)]
-    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-        eight(self.0, row, stride, number, at, fraction);
+    fn cells<const DEEP: bool>(
+        self,
+        row: &Row,
+        stride: [i32; 3],
+        number: f32,
+        at: &mut [i32],
+        fraction: [&mut [f32]; 3],
+    ) {
+        eight::<_, DEEP>(self.0, row, stride, number, at, fraction);
     }
     #[inline(always)]
     fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
@@ -113,8 +140,15 @@ impl Machine for Eight<Plain> {
         work.run(self)
     }
     #[inline(always)]
-    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
-        eight(self.0, row, stride, number, at, fraction);
+    fn cells<const DEEP: bool>(
+        self,
+        row: &Row,
+        stride: [i32; 3],
+        number: f32,
+        at: &mut [i32],
+        fraction: [&mut [f32]; 3],
+    ) {
+        eight::<_, DEEP>(self.0, row, stride, number, at, fraction);
     }
     #[inline(always)]
     fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
@@ -142,18 +176,28 @@ impl Machine for Sixteen {
     }
 
     #[inline(always)]
-    fn cells(self, row: &Row, stride: [i32; 3], number: f32, at: &mut [i32], fraction: [&mut [f32]; 3]) {
+    fn cells<const DEEP: bool>(
+        self,
+        row: &Row,
+        stride: [i32; 3],
+        number: f32,
+        at: &mut [i32],
+        fraction: [&mut [f32]; 3],
+    ) {
         const COUNT: [f32; 16] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
         let m = self.0.avx512f;
         let k = m._mm512_add_ps(bytemuck::cast(COUNT), m._mm512_set1_ps(number));
         let mut sum = m._mm512_set1_epi32(row.place.first);
         for (axis, out) in fraction.into_iter().enumerate() {
             let (step, from) = (m._mm512_set1_ps(row.place.step[axis]), m._mm512_set1_ps(row.from[axis]));
-            let last = m._mm512_set1_ps(row.place.last[axis]);
-            let v = m._mm512_fmadd_ps(k, step, from);
-            let v = m._mm512_min_ps(m._mm512_max_ps(v, m._mm512_set1_ps(0.0)), last);
-            let end = m._mm512_set1_ps(row.place.last[axis] - 1.0);
-            let cell = m._mm512_cvttps_epi32(m._mm512_min_ps(v, end));
+            let mut v = m._mm512_fmadd_ps(k, step, from);
+            let cell = if DEEP {
+                m._mm512_cvttps_epi32(v)
+            } else {
+                let (last, end) = (row.place.last[axis], row.place.last[axis] - 1.0);
+                v = m._mm512_min_ps(m._mm512_max_ps(v, m._mm512_set1_ps(0.0)), m._mm512_set1_ps(last));
+                m._mm512_cvttps_epi32(m._mm512_min_ps(v, m._mm512_set1_ps(end)))
+            };
             let part: [f32; 16] = bytemuck::cast(m._mm512_sub_ps(v, m._mm512_cvtepi32_ps(cell)));
             out[..16].copy_from_slice(&part);
             sum = m._mm512_add_epi32(sum, m._mm512_mullo_epi32(cell, m._mm512_set1_epi32(stride[axis])));
@@ -198,7 +242,7 @@ mod tests {
             let mut start = 0;
             for ([from, to], count) in self.ends {
                 let line = Line { from: *from, step: (*to - *from) / (*count - 1) as f64, weight: 1.0 };
-                let row = self.reader.place_of(&line, 0, *count);
+                let row = self.reader.row(&line, 0, *count);
                 batch.push_long(machine, self.reader, row, start..start + count, self.out);
                 start += count;
             }

@@ -8,7 +8,7 @@ use super::batch::{Batch, LONGEST, Row};
 use super::cells::Candidates;
 use super::machine::{self, Machine, Work};
 use super::outline::{Layer, Outline, Spans};
-use super::row::{EDGE, Line, Part, Reader};
+use super::row::{DEEP, EDGE, Line, Part, Reader};
 use super::setup::Tet;
 use super::touch::{self, Ahead};
 use super::{Culling, OVERLAP, Warp, WarpOptions};
@@ -168,10 +168,10 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
             let Spans { y, first, last } = layer.spans(row);
             let mut some = m.up_to(first, last) & (u32::MAX >> (32 - rows));
             let length = m.minus(last, first);
-            let mut inside = 0;
+            let (mut inside, mut deep) = (0, 0);
             let mut from = [[0.0; LANES]; 3];
             if let Some(part) = part {
-                inside = u32::MAX;
+                (inside, deep) = (u32::MAX, u32::MAX);
                 for (a, from) in from.iter_mut().enumerate() {
                     let [rx, ry, rz, at] = tet.rest[a];
                     let at = m.all(rz * height + (at - part.base[a]));
@@ -179,7 +179,10 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
                     let end = m.times_plus(m.all(rx), length, start);
                     let near = m.all(-EDGE - part.base[a]);
                     let far = m.all(self.reader.last[a] + EDGE - part.base[a]);
-                    inside &= m.up_to(near, m.lesser(start, end)) & m.up_to(m.greater(start, end), far);
+                    let (least, most) = (m.lesser(start, end), m.greater(start, end));
+                    inside &= m.up_to(near, least) & m.up_to(most, far);
+                    deep &= m.up_to(m.all(DEEP - part.base[a]), least)
+                        & m.up_to(most, m.all(self.reader.last[a] - DEEP - part.base[a]));
                     *from = m.single(start);
                 }
             }
@@ -197,7 +200,8 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
                 {
                     let taken = claim(self.written, start, count);
                     if taken == 0 {
-                        let row = Row { place: part.place, from, number: 0.0, start, count: count as u32 };
+                        let deep = deep >> r & 1 == 1;
+                        let row = Row { place: part.place, from, number: 0.0, start, count: count as u32, deep };
                         self.batch.push(self.machine, &self.reader, row, self.samples);
                     } else {
                         self.draw(tet, Some((part, from)), voxel, start, 0..count, taken);
@@ -244,7 +248,7 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
             let (number, count) = (voxels.start + begin as usize, length as usize);
             let start = start + number;
             if let Some((part, from)) = inside {
-                let row = Row { place: part.place, from, number: number as f32, start, count: length };
+                let row = Row { place: part.place, from, number: number as f32, start, count: length, deep: false };
                 self.batch.push(self.machine, &self.reader, row, self.samples);
             } else {
                 self.write(tet, [x + number as i32, y, z], start, count);
@@ -263,25 +267,11 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
     /// The outside value for the voxels that were not written: once all are, so that no sample is stored twice.
     fn fill(&mut self, count: usize, outside: T) {
         let channels = self.reader.channels();
-        let mut from = 0;
+        let mut from = find(self.written, 0, u64::MAX);
         while from < count {
-            let word = self.written[from / 64] >> (from % 64);
-            if word & 1 == 1 {
-                from += word.trailing_ones() as usize;
-                continue;
-            }
-            // zeros, also over many words
-            let mut to = from + (word.trailing_zeros() as usize).min(64 - from % 64);
-            while to.is_multiple_of(64) && to < count {
-                let zeros = self.written[to / 64].trailing_zeros() as usize;
-                to += zeros;
-                if zeros < 64 {
-                    break;
-                }
-            }
-            let to = to.min(count);
+            let to = find(self.written, from, 0).min(count);
             self.samples[from * channels..to * channels].fill(outside);
-            from = to;
+            from = find(self.written, to, u64::MAX);
         }
     }
 
@@ -299,7 +289,7 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
         self.tally.beyond += missed as u64;
         self.tally.written += (count - inside.len()) as u64;
         if !inside.is_empty() {
-            let row = self.reader.place_of(&line, inside.start, inside.end);
+            let row = self.reader.row(&line, inside.start, inside.end);
             let voxels = start + inside.start..start + inside.end;
             self.batch.push_long(self.machine, &self.reader, row, voxels, self.samples);
         }
@@ -337,6 +327,19 @@ fn claim(bits: &mut [u64], start: usize, count: usize) -> u64 {
     taken
 }
 
+/// The first bit from `from` on that differs from those of `other`; that behind the last if none does.
+#[inline(always)]
+fn find(bits: &[u64], from: usize, other: u64) -> usize {
+    let mut at = from / 64;
+    let mut differ = bits.get(at).map_or(0, |word| (word ^ other) & u64::MAX << (from % 64));
+    while differ == 0 {
+        at += 1;
+        let Some(word) = bits.get(at) else { return bits.len() * 64 };
+        differ = word ^ other;
+    }
+    at * 64 + differ.trailing_zeros() as usize
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -363,6 +366,9 @@ mod tests {
             for (i, set) in plain.iter().enumerate() {
                 assert_eq!(bits[i / 64] >> (i % 64) & 1 == 1, *set);
             }
+            let later = |set: bool| (start..576).find(|i| plain[*i] == set).unwrap_or(576);
+            assert_eq!(find(&bits, start, 0), later(true));
+            assert_eq!(find(&bits, start, u64::MAX), later(false));
             if next(9) == 0 {
                 bits.fill(0);
                 plain.fill(false);

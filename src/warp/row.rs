@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::WarpOptions;
+use super::batch::Row;
 use super::setup::Tet;
 use crate::volume::fetch::Fetch;
 use crate::volume::sampling::{Interpolation, Sampler};
@@ -51,6 +52,9 @@ impl Part {
 /// What lies no farther outside the first and last samples is drawn as if it lay on them.
 pub(super) const EDGE: f64 = 1e-6;
 
+/// What lies this far inside the first and last samples stays there when coordinates are rounded to `f32`.
+pub(super) const DEEP: f64 = 1.0 / 16.0;
+
 /// What lies no farther from a voxel's centre or face is taken to be there.
 pub(crate) const SNAP: f64 = 1e-9;
 
@@ -79,7 +83,7 @@ impl<'a, T: Fetch> Reader<'a, T> {
         let fast = options.interpolation == Interpolation::Linear
             && !options.density
             && !options.reference
-            && dims.iter().all(|n| (2..1 << 20).contains(n))
+            && dims.iter().all(|n| (2..1 << 18).contains(n))
             && samples.len() < i32::MAX as usize;
         let length = if fast { samples.len() - reach } else { 0 };
         let lines = [0, stride[1], stride[2], reach].map(|at| if fast { &samples[at..][..length] } else { samples });
@@ -120,11 +124,14 @@ impl<'a, T: Fetch> Reader<'a, T> {
         (first..last, missed)
     }
 
-    /// The part of the input around a row's voxels `first..last`, and where in it the row starts.
-    pub fn place_of(&self, line: &Line, first: usize, last: usize) -> (Place, [f32; 3]) {
+    /// A row's voxels `first..last`, none of which lies outside the input, as a row for a batch but for its place in the
+    /// output.
+    pub fn row(&self, line: &Line, first: usize, last: usize) -> Row {
         let (from, to) = (line.at(first), line.at(last - 1));
         let part = Part::new(from.min(to), line.step.to_array(), self);
-        (part.place, std::array::from_fn(|a| (from[a] - part.base[a]) as f32))
+        let deep = (from.min(to).cmpge(DVec3::splat(DEEP)) & from.max(to).cmple(self.last - DEEP)).all();
+        let from = std::array::from_fn(|a| (from[a] - part.base[a]) as f32);
+        Row { place: part.place, from, deep, ..Row::default() }
     }
 
     /// The first voxel, and that behind the last, whose cells surely exist.
