@@ -1,9 +1,9 @@
 //! Trilinear look-ups of many short rows at a time.
 //!
 //! A row in a tetrahedron has some ten voxels, fewer than two vectors, and one look-up is a long chain: coordinates, cell,
-//! eight samples, seven blends. So rows are collected until there are some hundreds of voxels, and then worked off in passes
-//! over small arrays (cells and fractions, samples, blends, output), each with many independent short chains and full
-//! vectors. Only the samples go voxel by voxel, two neighbours at a time.
+//! eight samples, seven blends. So rows are collected, as cells and fractions of their voxels, until there are some hundreds
+//! of voxels, and then worked off in full vectors over small arrays, with many independent short chains. Only the samples go
+//! voxel by voxel, two neighbours at a time.
 
 use std::ops::Range;
 
@@ -26,9 +26,6 @@ const ROWS: usize = 128;
 /// Most voxels of a row that waits.
 pub(super) const LONGEST: usize = 64;
 
-/// Voxels whose samples are fetched without asking whether there are more.
-const UNROLL: usize = 8;
-
 /// A row of voxels that lie in the input, from the output's voxel `start` on.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row {
@@ -45,7 +42,8 @@ pub(super) struct Row {
 
 /// Rows that wait to be looked up.
 pub(super) struct Batch<T: Fetch> {
-    rows: [Row; ROWS],
+    /// Where in the output each row starts, and how many voxels it has.
+    rows: [(usize, usize); ROWS],
     /// How many rows wait, and how many voxels they have.
     count: usize,
     voxels: usize,
@@ -63,7 +61,7 @@ pub(super) struct Batch<T: Fetch> {
 impl<T: Fetch> Batch<T> {
     pub fn new() -> Self {
         Self {
-            rows: [Row::default(); ROWS],
+            rows: [(0, 0); ROWS],
             count: 0,
             voxels: 0,
             done: 0,
@@ -74,9 +72,10 @@ impl<T: Fetch> Batch<T> {
         }
     }
 
-    /// Adds a row whose voxels lie in the input, at most [`LONGEST`], and looks up what waits if there is no room for it.
+    /// Adds a row whose voxels lie in the input, at most [`LONGEST`], and looks up what waits if there is no room for it. From
+    /// code that is not compiled for the machine, [`Push`] is to be entered.
     #[inline(always)]
-    pub fn push<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>, row: Row, out: &mut [T]) {
+    pub fn push<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>, row: &Row, out: &mut [T]) {
         if self.voxels + row.count as usize > FULL || self.count == ROWS {
             self.flush(machine, reader, out);
         }
@@ -90,25 +89,23 @@ impl<T: Fetch> Batch<T> {
             line += step;
             prefetch::write(out, line);
         }
-        self.rows[self.count] = row;
-        self.count += 1;
-        self.voxels += row.count as usize;
-    }
-
-    /// The same for a row of any length, that is to fill these voxels of the output.
-    pub fn push_long<M: Machine>(
-        &mut self,
-        machine: M,
-        reader: &Reader<'_, T>,
-        row: Row,
-        voxels: Range<usize>,
-        out: &mut [T],
-    ) {
-        for start in voxels.clone().step_by(LONGEST) {
-            let number = (start - voxels.start) as f32;
-            let count = (voxels.end - start).min(LONGEST) as u32;
-            self.push(machine, reader, Row { number, start, count, ..row }, out);
+        let stride = reader.stride.map(|s| s as i32);
+        let [fx, fy, fz] = &mut self.fraction;
+        let (mut number, mut first, last) = (row.number, self.voxels, self.voxels + row.count as usize);
+        while first < last {
+            let to = first..first + M::LANES;
+            let fraction = [&mut fx[to.clone()], &mut fy[to.clone()], &mut fz[to.clone()]];
+            if row.deep {
+                machine.cells::<true>(row, stride, number, &mut self.at[to], fraction);
+            } else {
+                machine.cells::<false>(row, stride, number, &mut self.at[to], fraction);
+            }
+            first += M::LANES;
+            number += M::LANES as f32;
         }
+        self.rows[self.count] = (row.start, row.count as usize);
+        self.count += 1;
+        self.voxels = last;
     }
 
     /// Looks up what waits.
@@ -120,80 +117,64 @@ impl<T: Fetch> Batch<T> {
         self.count = 0;
     }
 
-    /// Cells and fractions.
+    /// Samples and blends, a vector at a time. Fetching keeps a processor's load and store units busy and blending its
+    /// arithmetic, so that both together take little longer than one. What is blended was fetched one vector before: what was
+    /// stored number by number this moment cannot be loaded as a vector yet.
     #[inline(always)]
-    fn cells<M: Machine>(&mut self, machine: M, reader: &Reader<'_, T>) {
-        let stride = reader.stride.map(|s| s as i32);
-        let [fx, fy, fz] = &mut self.fraction;
-        let mut first = 0;
-        for row in &self.rows[..self.count] {
-            let mut l = 0;
-            while l < row.count as usize {
-                let to = first + l..first + l + M::LANES;
-                let fraction = [&mut fx[to.clone()], &mut fy[to.clone()], &mut fz[to.clone()]];
-                let (number, at) = (row.number + l as f32, &mut self.at[to]);
-                if row.deep {
-                    machine.cells::<true>(row, stride, number, at, fraction);
-                } else {
-                    machine.cells::<false>(row, stride, number, at, fraction);
-                }
-                l += M::LANES;
-            }
-            first += row.count as usize;
-        }
-        // what lies behind is fetched, too
-        self.at[first..first + UNROLL].fill(0);
-    }
-
-    #[inline(always)]
-    fn gather(&mut self, reader: &Reader<'_, T>, channel: usize) {
-        let next = reader.channels();
+    pub fn look_up<const LANES: usize, const FUSED: bool>(&mut self, reader: &Reader<'_, T>, channel: usize) {
         // all of one length, so that one comparison does for four look-ups
         let length = reader.lines[3].len();
-        let [a, b, c, d] = reader.lines.map(|line| &line[..length]);
-        let vectors = self.voxels.div_ceil(UNROLL);
-        let [pa, pb, pc, pd] = self.pairs.each_mut().map(|p| p.as_chunks_mut::<UNROLL>().0);
-        let pairs = pa.iter_mut().zip(pb).zip(pc).zip(pd).zip(self.at.as_chunks::<UNROLL>().0).take(vectors);
-        for ((((pa, pb), pc), pd), at) in pairs {
-            for l in 0..UNROLL {
-                // from 32 bits, so that the next one is known not to wrap
-                let at = at[l] as u32 as usize;
-                if next == 1 {
-                    pa[l] = T::pair(a, at, 1);
-                    pb[l] = T::pair(b, at, 1);
-                    pc[l] = T::pair(c, at, 1);
-                    pd[l] = T::pair(d, at, 1);
-                } else {
-                    let at = at + channel;
-                    pa[l] = T::pair(a, at, next);
-                    pb[l] = T::pair(b, at, next);
-                    pc[l] = T::pair(c, at, next);
-                    pd[l] = T::pair(d, at, next);
-                }
+        let lines = reader.lines.map(|line| &line[..length]);
+        let vectors = self.voxels.div_ceil(LANES);
+        for v in 0..=vectors {
+            if v < vectors {
+                self.fetch::<LANES>(lines, reader.channels(), channel, v * LANES);
+            }
+            if v > 0 {
+                self.blend::<LANES, FUSED>((v - 1) * LANES);
             }
         }
     }
 
     #[inline(always)]
-    pub fn blend<const LANES: usize, const FUSED: bool>(&mut self) {
-        for v in 0..self.voxels.div_ceil(LANES) {
-            let from = v * LANES;
-            // written out: a closure over these would not be inlined, and run without vector code
-            let fx = lanes::<_, LANES>(&self.fraction[0], from);
-            let fy = lanes::<_, LANES>(&self.fraction[1], from);
-            let fz = lanes::<_, LANES>(&self.fraction[2], from);
-            let a = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[0], from), &fx);
-            let b = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[1], from), &fx);
-            let c = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[2], from), &fx);
-            let d = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[3], from), &fx);
-            let (ab, cd) = (blend::<_, LANES, FUSED>(&a, &b, &fy), blend::<_, LANES, FUSED>(&c, &d, &fy));
-            let value = blend::<_, LANES, FUSED>(&ab, &cd, &fz);
-            let mut out = [T::zeroed(); LANES];
-            for l in 0..LANES {
-                out[l] = T::narrow(value[l]);
+    fn fetch<const LANES: usize>(&mut self, [a, b, c, d]: [&[T]; 4], next: usize, channel: usize, from: usize) {
+        let at = &self.at[from..from + LANES];
+        let [pa, pb, pc, pd] = self.pairs.each_mut().map(|p| &mut p[from..from + LANES]);
+        for l in 0..LANES {
+            // from 32 bits, so that the next one is known not to wrap
+            let at = at[l] as u32 as usize;
+            if next == 1 {
+                pa[l] = T::pair(a, at, 1);
+                pb[l] = T::pair(b, at, 1);
+                pc[l] = T::pair(c, at, 1);
+                pd[l] = T::pair(d, at, 1);
+            } else {
+                let at = at + channel;
+                pa[l] = T::pair(a, at, next);
+                pb[l] = T::pair(b, at, next);
+                pc[l] = T::pair(c, at, next);
+                pd[l] = T::pair(d, at, next);
             }
-            self.value[from..from + LANES].copy_from_slice(&out);
         }
+    }
+
+    #[inline(always)]
+    fn blend<const LANES: usize, const FUSED: bool>(&mut self, from: usize) {
+        // written out: a closure over these would not be inlined, and run without vector code
+        let fx = lanes::<_, LANES>(&self.fraction[0], from);
+        let fy = lanes::<_, LANES>(&self.fraction[1], from);
+        let fz = lanes::<_, LANES>(&self.fraction[2], from);
+        let a = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[0], from), &fx);
+        let b = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[1], from), &fx);
+        let c = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[2], from), &fx);
+        let d = blend_pairs::<T, LANES, FUSED>(&lanes(&self.pairs[3], from), &fx);
+        let (ab, cd) = (blend::<_, LANES, FUSED>(&a, &b, &fy), blend::<_, LANES, FUSED>(&c, &d, &fy));
+        let value = blend::<_, LANES, FUSED>(&ab, &cd, &fz);
+        let mut out = [T::zeroed(); LANES];
+        for l in 0..LANES {
+            out[l] = T::narrow(value[l]);
+        }
+        self.value[from..from + LANES].copy_from_slice(&out);
     }
 
     /// Values to where they belong.
@@ -201,8 +182,7 @@ impl<T: Fetch> Batch<T> {
     fn scatter(&self, reader: &Reader<'_, T>, channel: usize, out: &mut [T]) {
         let channels = reader.channels();
         let mut from = 0;
-        for row in &self.rows[..self.count] {
-            let (start, count) = (row.start, row.count as usize);
+        for &(start, count) in &self.rows[..self.count] {
             if channels == 1 {
                 copy(&self.value, from, &mut out[start..start + count]);
             } else {
@@ -219,8 +199,7 @@ impl<T: Fetch> Batch<T> {
     fn again(&self, reader: &Reader<'_, T>, out: &mut [T]) {
         let [sx, sy, sz] = reader.stride;
         let mut from = 0;
-        for row in &self.rows[..self.count] {
-            let (start, count) = (row.start, row.count as usize);
+        for &(start, count) in &self.rows[..self.count] {
             for i in 0..count {
                 let at = self.at[from + i] as usize;
                 let cell = [at % sy / sx, at % sz / sy, at / sz];
@@ -229,6 +208,29 @@ impl<T: Fetch> Batch<T> {
                 reader.single(DVec3::from_array(p), 1.0, voxel);
             }
             from += count;
+        }
+    }
+}
+
+/// A row of any length, on its way into a batch: it is to fill these voxels of the output.
+pub(super) struct Push<'a, 'b, T: Fetch> {
+    pub batch: &'a mut Batch<T>,
+    pub reader: &'a Reader<'b, T>,
+    pub row: Row,
+    pub voxels: Range<usize>,
+    pub out: &'a mut [T],
+}
+
+impl<T: Fetch> Work for Push<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) {
+        let Self { batch, reader, row, voxels, out } = self;
+        for start in voxels.clone().step_by(LONGEST) {
+            let number = row.number + (start - voxels.start) as f32;
+            let count = (voxels.end - start).min(LONGEST) as u32;
+            batch.push(machine, reader, &Row { number, start, count, ..row }, out);
         }
     }
 }
@@ -245,10 +247,10 @@ impl<T: Fetch> Work for Flush<'_, '_, T> {
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) {
         let Self { batch, reader, out } = self;
-        batch.cells(machine, reader);
+        // what lies behind is fetched, too
+        batch.at[batch.voxels..batch.voxels + WIDEST].fill(0);
         for channel in 0..reader.channels() {
-            batch.gather(reader, channel);
-            machine.blend(batch);
+            machine.look_up(batch, reader, channel);
             batch.scatter(reader, channel, out);
             if T::SPECIAL && !batch.value[..batch.voxels].iter().all(|v| v.to_f64().is_finite()) {
                 // all channels at once, and they are right then

@@ -2,6 +2,7 @@
 //! which the compiler makes NEON or what else there is of.
 
 use super::batch::{Batch, Row};
+use super::row::Reader;
 use crate::math::lanes::{self, Doubles, Plain};
 use crate::volume::fetch::Fetch;
 
@@ -27,8 +28,8 @@ pub(super) trait Machine: Copy {
         at: &mut [i32],
         fraction: [&mut [f32]; 3],
     );
-    /// Blends the samples that a batch has collected.
-    fn blend<T: Fetch>(self, batch: &mut Batch<T>);
+    /// Samples and blends of a batch.
+    fn look_up<T: Fetch>(self, batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize);
 }
 
 /// Work that any machine can do. Is to be inlined, with all it calls that computes.
@@ -121,8 +122,8 @@ impl Machine for Eight<pulp::x86::V3> {
         eight::<_, DEEP>(self.0, row, stride, number, at, fraction);
     }
     #[inline(always)]
-    fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
-        batch.blend::<8, true>();
+    fn look_up<T: Fetch>(self, batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
+        batch.look_up::<8, true>(reader, channel);
     }
 }
 
@@ -151,8 +152,8 @@ impl Machine for Eight<Plain> {
         eight::<_, DEEP>(self.0, row, stride, number, at, fraction);
     }
     #[inline(always)]
-    fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
-        batch.blend::<8, false>();
+    fn look_up<T: Fetch>(self, batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
+        batch.look_up::<8, false>(reader, channel);
     }
 }
 
@@ -206,8 +207,8 @@ impl Machine for Sixteen {
     }
 
     #[inline(always)]
-    fn blend<T: Fetch>(self, batch: &mut Batch<T>) {
-        batch.blend::<16, true>();
+    fn look_up<T: Fetch>(self, batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
+        batch.look_up::<16, true>(reader, channel);
     }
 }
 
@@ -217,6 +218,7 @@ mod tests {
 
     use super::super::WarpOptions;
     use super::super::batch::Batch;
+    use super::super::batch::Push;
     use super::super::row::{Line, Reader};
     use super::*;
     use crate::volume::sampling::{Interpolation, Sampler};
@@ -243,7 +245,8 @@ mod tests {
             for ([from, to], count) in self.ends {
                 let line = Line { from: *from, step: (*to - *from) / (*count - 1) as f64, weight: 1.0 };
                 let row = self.reader.row(&line, 0, *count);
-                batch.push_long(machine, self.reader, row, start..start + count, self.out);
+                let voxels = start..start + count;
+                machine.enter(Push { batch: &mut batch, reader: self.reader, row, voxels, out: self.out });
                 start += count;
             }
             batch.flush(machine, self.reader, self.out);

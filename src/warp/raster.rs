@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::batch::{Batch, LONGEST, Row};
+use super::batch::{Batch, LONGEST, Push, Row};
 use super::cells::Candidates;
 use super::machine::{self, Machine, Work};
 use super::outline::{Layer, Outline, Spans};
@@ -96,7 +96,10 @@ impl<T: Fetch> Work for Draw<'_, '_, T> {
                 }
                 match self.candidates.culling {
                     Culling::Exact => canvas.solve(tet, &part, z, &outline.layer(z)),
-                    _ => self.candidates.runs(t as usize, z, |y, from, to| canvas.run(tet, None, [from, y, z], to)),
+                    _ => self.candidates.runs(t as usize, z, |y, from, to| {
+                        let start = ((z - first) as usize * ny + y as usize) * nx + from as usize;
+                        canvas.run(tet, [from, y, z], start, (to - from + 1) as usize);
+                    }),
                 }
             }
         }
@@ -194,69 +197,75 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
                 let start = (first_row + voxel[1] as usize) * self.nx + voxel[0] as usize;
                 let count = length[r] as usize + 1;
                 let from = [from[0][r], from[1][r], from[2][r]];
-                let inside = part.as_ref().filter(|_| inside >> r & 1 == 1);
-                if let Some(part) = inside
-                    && count <= LONGEST
-                {
-                    let taken = claim(self.written, start, count);
-                    if taken == 0 {
-                        let deep = deep >> r & 1 == 1;
-                        let row = Row { place: part.place, from, number: 0.0, start, count: count as u32, deep };
-                        self.batch.push(self.machine, &self.reader, row, self.samples);
-                    } else {
-                        self.draw(tet, Some((part, from)), voxel, start, 0..count, taken);
-                    }
+                let Some(part) = part.as_ref().filter(|_| inside >> r & 1 == 1) else {
+                    self.run(tet, voxel, start, count);
+                    continue;
+                };
+                let deep = deep >> r & 1 == 1;
+                let row = Row { place: part.place, from, number: 0.0, start, count: count as u32, deep };
+                if count > LONGEST {
+                    self.run_inside(tet, row, voxel);
+                    continue;
+                }
+                let taken = claim(self.written, start, count);
+                if taken == 0 {
+                    self.batch.push(self.machine, &self.reader, &row, self.samples);
                 } else {
-                    self.run(tet, inside.map(|part| (part, from)), voxel, voxel[0] + length[r]);
+                    self.draw(tet, Some(row), voxel, start, count, taken);
                 }
             }
             row += LANES as i32;
         }
     }
 
-    /// The voxels of a row from `voxel` to index `to`, all in the tetrahedron: those that are not written yet are. `inside`:
-    /// where the row starts in the input, if it lies in it.
+    /// A row of any length, all in the tetrahedron, that starts with `voxel`, the slab's voxel `start`: those that are not
+    /// written yet are. They may lie outside the input.
     #[inline(never)]
-    fn run(&mut self, tet: &Tet, inside: Option<(&Part, [f32; 3])>, voxel: [i32; 3], to: i32) {
-        let [x, y, z] = voxel;
-        let start = ((z - self.first) as usize * self.ny + y as usize) * self.nx + x as usize;
-        let end = (to - x + 1) as usize;
-        for first in (0..end).step_by(LONGEST) {
-            let count = (end - first).min(LONGEST);
+    fn run(&mut self, tet: &Tet, [x, y, z]: [i32; 3], start: usize, count: usize) {
+        for first in (0..count).step_by(LONGEST) {
+            let count = (count - first).min(LONGEST);
             let taken = claim(self.written, start + first, count);
-            self.draw(tet, inside, voxel, start, first..first + count, taken);
+            self.draw(tet, None, [x + first as i32, y, z], start + first, count, taken);
         }
     }
 
-    /// Some voxels of a row that starts with `voxel`, at `start` in the slab, but not those with a bit in `taken`.
+    /// The same if they lie in the input.
     #[inline(never)]
-    fn draw(
-        &mut self,
-        tet: &Tet,
-        inside: Option<(&Part, [f32; 3])>,
-        voxel: [i32; 3],
-        start: usize,
-        voxels: Range<usize>,
-        taken: u64,
-    ) {
+    fn run_inside(&mut self, tet: &Tet, row: Row, [x, y, z]: [i32; 3]) {
+        let mut left = row;
+        while left.count > 0 {
+            let Self { batch, reader, samples: out, written, machine, .. } = self;
+            let (part, taken) = machine.enter(Long { batch, reader, left: &mut left, written, out });
+            if taken != 0 {
+                let voxel = [x + (part.start - row.start) as i32, y, z];
+                self.draw(tet, Some(part), voxel, part.start, part.count as usize, taken);
+            }
+        }
+    }
+
+    /// Voxels of the slab from `start` on, which are `voxel` of the output and those behind it, but not those with a bit in
+    /// `taken`.
+    #[inline(never)]
+    fn draw(&mut self, tet: &Tet, inside: Option<Row>, voxel: [i32; 3], start: usize, count: usize, taken: u64) {
         let [x, y, z] = voxel;
-        let mut free = !taken & (u64::MAX >> (64 - voxels.len()));
+        let mut free = !taken & (u64::MAX >> (64 - count));
         while free != 0 {
-            let begin = free.trailing_zeros();
-            let length = (free >> begin).trailing_ones();
-            free &= !((u64::MAX >> (64 - length)) << begin);
-            let (number, count) = (voxels.start + begin as usize, length as usize);
-            let start = start + number;
-            if let Some((part, from)) = inside {
-                let row = Row { place: part.place, from, number: number as f32, start, count: length, deep: false };
-                self.batch.push(self.machine, &self.reader, row, self.samples);
+            let first = free.trailing_zeros();
+            let length = (free >> first).trailing_ones();
+            free &= !((u64::MAX >> (64 - length)) << first);
+            let from = start + first as usize;
+            let voxels = from..from + length as usize;
+            if let Some(row) = inside {
+                let row = Row { number: row.number + first as f32, ..row };
+                let Self { batch, reader, samples: out, machine, .. } = self;
+                machine.enter(Push { batch, reader, row, voxels, out });
             } else {
-                self.write(tet, [x + number as i32, y, z], start, count);
+                self.write(tet, [x + first as i32, y, z], voxels);
             }
         }
         let mut again = taken;
         while again != 0 {
-            let number = voxels.start as i32 + again.trailing_zeros() as i32;
+            let number = again.trailing_zeros() as i32;
             again &= again - 1;
             let within = tet.barycentric([x + number, y, z]).iter().all(|b| *b > OVERLAP);
             self.tally.repeated += 1;
@@ -277,21 +286,56 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
 
     /// A row whose voxels may lie outside the input.
     #[inline(never)]
-    fn write(&mut self, tet: &Tet, voxel: [i32; 3], start: usize, count: usize) {
+    fn write(&mut self, tet: &Tet, voxel: [i32; 3], voxels: Range<usize>) {
         let channels = self.reader.channels();
-        let out = &mut self.samples[start * channels..(start + count) * channels];
         let line = Line {
             from: tet.rest_position(voxel),
             step: DVec3::new(tet.rest[0][0], tet.rest[1][0], tet.rest[2][0]),
             weight: tet.jacobian,
         };
-        let (inside, missed) = self.reader.read(&line, out);
+        let (inside, missed) =
+            self.reader.read(&line, &mut self.samples[voxels.start * channels..voxels.end * channels]);
         self.tally.beyond += missed as u64;
-        self.tally.written += (count - inside.len()) as u64;
+        self.tally.written += (voxels.len() - inside.len()) as u64;
         if !inside.is_empty() {
             let row = self.reader.row(&line, inside.start, inside.end);
-            let voxels = start + inside.start..start + inside.end;
-            self.batch.push_long(self.machine, &self.reader, row, voxels, self.samples);
+            let voxels = voxels.start + inside.start..voxels.start + inside.end;
+            let Self { batch, reader, samples: out, machine, .. } = self;
+            machine.enter(Push { batch, reader, row, voxels, out });
+        }
+    }
+}
+
+/// A long row that lies in the input: its parts are looked up but for the first of which some voxels are written, which is
+/// returned with a bit for each of these. `left` is what is left of the row.
+struct Long<'a, 'b, T: Fetch> {
+    batch: &'a mut Batch<T>,
+    reader: &'a Reader<'b, T>,
+    left: &'a mut Row,
+    written: &'a mut [u64],
+    out: &'a mut [T],
+}
+
+impl<T: Fetch> Work for Long<'_, '_, T> {
+    type Output = (Row, u64);
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> (Row, u64) {
+        let Self { batch, reader, left, written, out } = self;
+        loop {
+            let count = (left.count as usize).min(LONGEST);
+            let part = Row { count: count as u32, ..*left };
+            let taken = claim(written, part.start, count);
+            left.number += count as f32;
+            left.start += count;
+            left.count -= count as u32;
+            if taken != 0 {
+                return (part, taken);
+            }
+            batch.push(machine, reader, &part, out);
+            if left.count == 0 {
+                return (part, 0);
+            }
         }
     }
 }
