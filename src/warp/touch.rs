@@ -16,7 +16,7 @@ use crate::math::prefetch;
 use crate::volume::fetch::Fetch;
 
 /// Bytes of samples that are brought near at a time: not much more than a core's nearest cache holds.
-const ENOUGH: f64 = (64 << 10) as f64;
+const ENOUGH: f64 = (48 << 10) as f64;
 
 /// Bytes of a tetrahedron's samples that are not worth it.
 const FEW: f64 = (4 << 10) as f64;
@@ -25,7 +25,7 @@ const FEW: f64 = (4 << 10) as f64;
 pub(super) fn layers<T>(tet: &Tet, channels: usize) -> Option<i32> {
     let rest = tet.rest_volume * (channels * size_of::<T>()) as f64;
     let deep = f64::from(tet.hi[2] - tet.lo[2] + 1);
-    (rest > FEW).then(|| (deep * ENOUGH / rest).clamp(4.0, 1024.0) as i32)
+    (rest > FEW).then(|| (deep * ENOUGH / rest).clamp(2.0, 1024.0) as i32)
 }
 
 /// A plane that rows of samples cross at `at + y * along + z * up`.
