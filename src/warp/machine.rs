@@ -64,81 +64,50 @@ impl<M: Machine, W: Work> pulp::WithSimd for On<M, W> {
     }
 }
 
-/// The machine of `math`.
+/// A machine of `math`, eight numbers at a time.
 #[derive(Clone, Copy)]
 struct Eight<M>(M);
 
-/// The body of [`Machine::cells`] on eight lanes. A voxel an edge's slack outside is drawn as if it lay on the edge.
-#[inline(always)]
-fn eight<M: lanes::Machine, const DEEP: bool>(
-    m: M,
-    row: &Row,
-    stride: [i32; 3],
-    number: f32,
-    at: &mut [i32],
-    fraction: [&mut [f32]; 3],
-) {
-    use lanes::{F8, I8, LANES};
-    let k = F8::load(m, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + number;
-    let mut sum = I8::splat(m, row.place.first);
-    for (axis, out) in fraction.into_iter().enumerate() {
-        let mut v = k.times_plus(row.place.step[axis], row.from[axis]);
-        let cell = if DEEP {
-            v.truncate()
-        } else {
-            v = v.clamp(0.0, row.place.last[axis]);
-            // the last sample is the end of the last cell
-            v.min(row.place.last[axis] - 1.0).truncate()
-        };
-        (v - cell.to_float()).put(&mut out[..LANES], 0);
-        sum = sum + cell * I8::splat(m, stride[axis]);
-    }
-    at[..LANES].copy_from_slice(&sum.lanes());
+/// What these machines do each in their way.
+trait Each: lanes::Machine + Doubles {
+    fn enter<W: Work>(self, work: W) -> W::Output;
+    fn look_up<T: Fetch>(batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize);
 }
 
 #[cfg(target_arch = "x86_64")]
-impl Machine for Eight<pulp::x86::V3> {
-    const LANES: usize = lanes::LANES;
-    type Doubles = pulp::x86::V3;
-
-    #[inline(always)]
-    fn doubles(self) -> pulp::x86::V3 {
-        self.0
-    }
-
+impl Each for pulp::x86::V3 {
     #[inline(always)]
     fn enter<W: Work>(self, work: W) -> W::Output {
-        pulp::Simd::vectorize(self.0, On(self, work))
+        pulp::Simd::vectorize(self, On(Eight(self), work))
     }
     #[inline(always)]
-    fn cells<const DEEP: bool>(
-        self,
-        row: &Row,
-        stride: [i32; 3],
-        number: f32,
-        at: &mut [i32],
-        fraction: [&mut [f32]; 3],
-    ) {
-        eight::<_, DEEP>(self.0, row, stride, number, at, fraction);
-    }
-    #[inline(always)]
-    fn look_up<T: Fetch>(self, batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
+    fn look_up<T: Fetch>(batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
         batch.look_up::<8, true>(reader, channel);
     }
 }
 
-impl Machine for Eight<Plain> {
-    const LANES: usize = lanes::LANES;
-    type Doubles = Plain;
-
-    #[inline(always)]
-    fn doubles(self) -> Plain {
-        self.0
-    }
-
+impl Each for Plain {
     #[inline(always)]
     fn enter<W: Work>(self, work: W) -> W::Output {
-        work.run(self)
+        work.run(Eight(self))
+    }
+    #[inline(always)]
+    fn look_up<T: Fetch>(batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
+        batch.look_up::<8, false>(reader, channel);
+    }
+}
+
+impl<M: Each> Machine for Eight<M> {
+    const LANES: usize = lanes::LANES;
+    type Doubles = M;
+
+    #[inline(always)]
+    fn doubles(self) -> M {
+        self.0
+    }
+    #[inline(always)]
+    fn enter<W: Work>(self, work: W) -> W::Output {
+        self.0.enter(work)
     }
     #[inline(always)]
     fn cells<const DEEP: bool>(
@@ -149,11 +118,27 @@ impl Machine for Eight<Plain> {
         at: &mut [i32],
         fraction: [&mut [f32]; 3],
     ) {
-        eight::<_, DEEP>(self.0, row, stride, number, at, fraction);
+        use lanes::{F8, I8, LANES};
+        let m = self.0;
+        let k = F8::load(m, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + number;
+        let mut sum = I8::splat(m, row.place.first);
+        for (axis, out) in fraction.into_iter().enumerate() {
+            let mut v = k.times_plus(row.place.step[axis], row.from[axis]);
+            let cell = if DEEP {
+                v.truncate()
+            } else {
+                v = v.clamp(0.0, row.place.last[axis]);
+                // the last sample is the end of the last cell
+                v.min(row.place.last[axis] - 1.0).truncate()
+            };
+            (v - cell.to_float()).put(&mut out[..LANES], 0);
+            sum = sum + cell * I8::splat(m, stride[axis]);
+        }
+        at[..LANES].copy_from_slice(&sum.lanes());
     }
     #[inline(always)]
     fn look_up<T: Fetch>(self, batch: &mut Batch<T>, reader: &Reader<'_, T>, channel: usize) {
-        batch.look_up::<8, false>(reader, channel);
+        M::look_up(batch, reader, channel);
     }
 }
 
@@ -217,8 +202,7 @@ mod tests {
     use glam::DVec3;
 
     use super::super::WarpOptions;
-    use super::super::batch::Batch;
-    use super::super::batch::Push;
+    use super::super::batch::{Batch, Push};
     use super::super::row::{Line, Reader};
     use super::*;
     use crate::volume::sampling::{Interpolation, Sampler};

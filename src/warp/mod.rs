@@ -9,7 +9,7 @@
 //!
 //! The paper tests the voxels of a bounding box (section 3), or of those of its cells that one of eight half-spaces does not
 //! rule out (section 4). Here nothing is tested: along a row of voxels each coordinate is linear, and the interval in which
-//! all four are positive is solved for. [`Culling`] keeps the paper's ways at hand, for comparison.
+//! all four are positive is solved for (`outline.rs`). [`Culling`] keeps the paper's ways at hand, for comparison.
 //!
 //! **Every voxel once.** A voxel belongs to a tetrahedron if no barycentric coordinate is below -1e-9 (a closed tetrahedron,
 //! and a little more than rounding can move a face), and among several to that with the lowest number. So neighbours

@@ -1,25 +1,31 @@
 //! A tetrahedron's outline in layers of the output: which rows it reaches, and where in them it begins and ends.
 
 use super::setup::{PAD, Tet};
-use crate::math::lanes::{Doubles, LANES};
+use crate::math::lanes::{COUNT, Doubles, LANES};
 
 /// Faces that rows may begin at, or end at.
 const FACES: usize = 3;
 
-/// A face that rows cross at `at + z * rise + y * slope`.
-#[derive(Clone, Copy)]
-struct Crossing {
-    at: f64,
-    rise: f64,
-    slope: f64,
+/// Something linear in rows and layers: `at + z * rise + y * slope`.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Linear {
+    pub at: f64,
+    pub rise: f64,
+    pub slope: f64,
 }
 
-/// A face along the rows: those where `z * rise + y * slope + at` is not negative lie on its inner side.
-#[derive(Clone, Copy, Default)]
-struct Side {
-    at: f64,
-    rise: f64,
-    slope: f64,
+impl Linear {
+    /// In row 0 of a layer.
+    #[inline(always)]
+    pub fn level(&self, z: f64) -> f64 {
+        self.at + self.rise * z
+    }
+
+    /// In eight rows of a layer.
+    #[inline(always)]
+    pub fn rows<M: Doubles>(&self, m: M, y: M::Double, z: f64) -> M::Double {
+        m.times_plus(y, m.all(self.slope), m.all(self.level(z)))
+    }
 }
 
 /// What is the same in all layers. Coordinates are relative to the tetrahedron's anchor, those of rows and layers are voxels
@@ -31,11 +37,12 @@ pub(crate) struct Outline<M: Doubles> {
     bounds: [f64; 2],
     /// The first and last row of any layer.
     rows: [i32; 2],
-    /// Rows begin behind all of these and end before all of those; where there are fewer faces, the bounds are meant.
-    begin: [Crossing; FACES],
-    end: [Crossing; FACES],
-    sides: [Side; 4],
-    /// How many sides there are.
+    /// Where rows cross faces: they begin behind all of these and end before all of those; where there are fewer faces, the
+    /// bounds are meant.
+    begin: [Linear; FACES],
+    end: [Linear; FACES],
+    /// Faces along the rows, not negative on their inner sides, and how many there are.
+    sides: [Linear; 4],
     count: usize,
     edges: Edges<M>,
 }
@@ -79,19 +86,19 @@ impl<M: Doubles> Outline<M> {
     #[inline(always)]
     pub fn new(machine: M, tet: &Tet) -> Self {
         let bounds = [tet.lo[0], tet.hi[0]].map(|x| f64::from(x - tet.anchor[0]));
-        let [mut begin, mut end] = bounds.map(|at| [Crossing { at, rise: 0.0, slope: 0.0 }; FACES]);
-        let mut sides = [Side::default(); 4];
+        let [mut begin, mut end] = bounds.map(|at| [Linear { at, ..Linear::default() }; FACES]);
+        let mut sides = [Linear::default(); 4];
         let (mut begins, mut ends, mut count) = (0, 0, 0);
         for b in &tet.bary {
             let at = b[3] + tet.slack;
             // less than this changes a coordinate by no more than the slack across a thousand voxels
             if b[0].abs() < 1e-12 {
-                sides[count] = Side { at, rise: b[2], slope: b[1] };
+                sides[count] = Linear { at, rise: b[2], slope: b[1] };
                 count += 1;
                 continue;
             }
             let inverse = -1.0 / b[0];
-            let crossing = Crossing { at: at * inverse, rise: b[2] * inverse, slope: b[1] * inverse };
+            let crossing = Linear { at: at * inverse, rise: b[2] * inverse, slope: b[1] * inverse };
             // four cannot be on one side: the coordinates' sum is 1 everywhere
             if b[0] > 0.0 {
                 begin[begins % FACES] = crossing;
@@ -117,7 +124,7 @@ impl<M: Doubles> Outline<M> {
         let mut top = row((first - PAD).ceil()).max(self.rows[0]);
         let mut bottom = row((last + PAD).floor()).min(self.rows[1]);
         for side in &self.sides[..self.count] {
-            let at = side.at + side.rise * height;
+            let at = side.level(height);
             if side.slope.abs() < 1e-12 {
                 bottom = if at >= 0.0 { bottom } else { i32::MIN };
             } else if side.slope > 0.0 {
@@ -136,8 +143,8 @@ impl<M: Doubles> Outline<M> {
         };
         for f in 0..FACES {
             let (begin, end) = (&self.begin[f], &self.end[f]);
-            layer.begin[f] = [m.all(begin.at + begin.rise * height), m.all(begin.slope)];
-            layer.end[f] = [m.all(end.at + end.rise * height), m.all(end.slope)];
+            layer.begin[f] = [m.all(begin.level(height)), m.all(begin.slope)];
+            layer.end[f] = [m.all(end.level(height)), m.all(end.slope)];
         }
         layer
     }
@@ -189,7 +196,6 @@ impl<M: Doubles> Layer<M> {
     /// Eight rows from `row` on.
     #[inline(always)]
     pub fn spans(&self, row: i32) -> Spans<M> {
-        const COUNT: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         let m = self.machine;
         let y = m.plus(m.all(f64::from(row - self.anchor)), m.of(COUNT));
         let (mut first, mut last) = (m.all(self.bounds[0]), m.all(self.bounds[1]));

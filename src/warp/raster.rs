@@ -96,10 +96,12 @@ impl<T: Fetch> Work for Draw<'_, '_, T> {
                 }
                 match self.candidates.culling {
                     Culling::Exact => canvas.solve(tet, &part, z, &outline.layer(z)),
-                    _ => self.candidates.runs(t as usize, z, |y, from, to| {
-                        let start = ((z - first) as usize * ny + y as usize) * nx + from as usize;
-                        canvas.run(tet, [from, y, z], start, (to - from + 1) as usize);
-                    }),
+                    _ => {
+                        canvas.ask(1);
+                        self.candidates.runs(t as usize, z, |y, from, to| {
+                            canvas.run(tet, [from, y, z], (to - from + 1) as usize);
+                        });
+                    }
                 }
             }
         }
@@ -198,7 +200,7 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
                 let count = length[r] as usize + 1;
                 let from = [from[0][r], from[1][r], from[2][r]];
                 let Some(part) = part.as_ref().filter(|_| inside >> r & 1 == 1) else {
-                    self.run(tet, voxel, start, count);
+                    self.run(tet, voxel, count);
                     continue;
                 };
                 let deep = deep >> r & 1 == 1;
@@ -218,10 +220,11 @@ impl<T: Fetch, M: Machine> Canvas<'_, T, M> {
         }
     }
 
-    /// A row of any length, all in the tetrahedron, that starts with `voxel`, the slab's voxel `start`: those that are not
-    /// written yet are. They may lie outside the input.
+    /// A row of any length from a voxel on, all in the tetrahedron: those that are not written yet are. They may lie outside
+    /// the input.
     #[inline(never)]
-    fn run(&mut self, tet: &Tet, [x, y, z]: [i32; 3], start: usize, count: usize) {
+    fn run(&mut self, tet: &Tet, [x, y, z]: [i32; 3], count: usize) {
+        let start = ((z - self.first) as usize * self.ny + y as usize) * self.nx + x as usize;
         for first in (0..count).step_by(LONGEST) {
             let count = (count - first).min(LONGEST);
             let taken = claim(self.written, start + first, count);

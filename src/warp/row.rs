@@ -83,6 +83,7 @@ impl<'a, T: Fetch> Reader<'a, T> {
         let fast = options.interpolation == Interpolation::Linear
             && !options.density
             && !options.reference
+            // coordinates of `f32` are good to less than what is taken to be deep
             && dims.iter().all(|n| (2..1 << 18).contains(n))
             && samples.len() < i32::MAX as usize;
         let length = if fast { samples.len() - reach } else { 0 };

@@ -9,9 +9,10 @@
 
 use glam::{DMat3, DVec3};
 
+use super::outline::Linear;
 use super::row::Reader;
 use super::setup::Tet;
-use crate::math::lanes::{Doubles, LANES};
+use crate::math::lanes::{COUNT, Doubles, LANES};
 use crate::math::prefetch;
 use crate::volume::fetch::Fetch;
 
@@ -28,23 +29,15 @@ pub(super) fn layers<T>(tet: &Tet, channels: usize) -> Option<i32> {
     (rest > FEW).then(|| (deep * ENOUGH / rest).clamp(2.0, 1024.0) as i32)
 }
 
-/// A plane that rows of samples cross at `at + y * along + z * up`.
-#[derive(Clone, Copy, Default)]
-struct Crossing {
-    at: f64,
-    along: f64,
-    up: f64,
-}
-
 /// Faces, two heights, and the bounds.
 const PLANES: usize = 7;
 
 /// What layers of a tetrahedron need of the input, to be asked for little by little.
 pub(super) struct Ahead {
-    /// What is needed of a row lies behind all of these and before all of those.
-    begin: [Crossing; PLANES],
+    /// Where rows of samples cross planes: what is needed lies behind all of these and before all of those.
+    begin: [Linear; PLANES],
     begins: usize,
-    end: [Crossing; PLANES],
+    end: [Linear; PLANES],
     ends: usize,
     /// First row along y and along z, how many there are, and which is next.
     first: [usize; 2],
@@ -65,7 +58,7 @@ impl Ahead {
         let hi = (hi + 1.0).max(DVec3::ZERO).min(reader.last).floor();
         let first = [lo.y as usize, lo.z as usize];
         let rows = [hi.y as usize + 1 - first[0], hi.z as usize + 1 - first[1]];
-        let bound = |at| Crossing { at, along: 0.0, up: 0.0 };
+        let bound = |at| Linear { at, ..Linear::default() };
         let mut ahead = Self {
             begin: [bound(lo.x); PLANES],
             begins: 1,
@@ -84,7 +77,7 @@ impl Ahead {
             // a row along a plane crosses it far away, on the side that leaves it whole or takes it all
             let inverse = -1.0 / if normal.x.abs() < 1e-9 { 1e-9 } else { normal.x };
             let at = normal.y * lo.y + normal.z * lo.z + at - normal.dot(origin) + wider;
-            let crossing = Crossing { at: at * inverse, along: normal.y * inverse, up: normal.z * inverse };
+            let crossing = Linear { at: at * inverse, rise: normal.z * inverse, slope: normal.y * inverse };
             if normal.x > -1e-9 {
                 ahead.begin[ahead.begins] = crossing;
                 ahead.begins += 1;
@@ -105,15 +98,14 @@ impl Ahead {
     /// Asks for the samples of eight rows.
     #[inline(always)]
     pub fn step<M: Doubles, T: Fetch>(&mut self, m: M, reader: &Reader<'_, T>) {
-        const COUNT: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         let z = self.next[1] as f64;
         let y = m.plus(m.all(self.next[0] as f64), m.of(COUNT));
         let (mut left, mut right) = (m.all(0.0), m.all(f64::from(i32::MAX)));
         for c in &self.begin[..self.begins] {
-            left = m.greater(left, m.times_plus(y, m.all(c.along), m.all(c.at + z * c.up)));
+            left = m.greater(left, c.rows(m, y, z));
         }
         for c in &self.end[..self.ends] {
-            right = m.lesser(right, m.times_plus(y, m.all(c.along), m.all(c.at + z * c.up)));
+            right = m.lesser(right, c.rows(m, y, z));
         }
         let mut some = m.up_to(left, right) & (u32::MAX >> (32 - LANES.min(self.rows[0] - self.next[0])));
         let (left, right) = (m.whole(left), m.whole(right));

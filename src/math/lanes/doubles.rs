@@ -2,6 +2,9 @@
 
 use super::{LANES, Plain};
 
+/// The number of each lane.
+pub const COUNT: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
 /// What computes with eight numbers of double precision. Masks are bits, lane 0 the lowest.
 pub trait Doubles: Copy {
     type Double: Copy;

@@ -12,7 +12,7 @@ mod plain;
 
 use std::ops::{Add, Div, Mul, Sub};
 
-pub use doubles::Doubles;
+pub use doubles::{COUNT, Doubles};
 pub use plain::Plain;
 
 /// Numbers of a vector.
